@@ -13,6 +13,7 @@ mod examples;
 mod exports;
 mod field_run;
 mod folder;
+mod force_rows;
 mod forces;
 mod fringes;
 mod guide;

@@ -171,6 +171,11 @@ pub fn in_place_of(bytes: &[u8]) -> Option<(String, &'static str)> {
     ))
 }
 
+/// Whether bytes are those of HDF5 or netCDF, in which programs of every kind keep their data.
+pub fn is_hierarchical(bytes: &[u8]) -> bool {
+    bytes.starts_with(b"\x89HDF") || bytes.starts_with(b"CDF")
+}
+
 /// What a file of no text is, and how to save it otherwise.
 fn binary(bytes: &[u8]) -> Option<(&'static str, &'static str)> {
     const MATLAB: &str =

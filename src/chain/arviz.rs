@@ -1,17 +1,15 @@
 //! Groups of draws as ArviZ, PyMC and nuts-rs write them in Zarr (versions 2 and 3): `posterior`, with an array of chain x draw x ... for each
-//! variable, and `sample_stats`, with the log density.
+//! variable, and `sample_stats`, with the log density and what the sampler says of its transitions.
 
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
 use super::codecs::{Filters, NumberKind};
+use super::columns::{ColumnRole, statistics};
 use super::draws::Draws;
 use super::zarr::FORMAT;
 use crate::error::{Error, Result};
-
-/// Names of the log density in `sample_stats`.
-const DENSITIES: [&str; 3] = ["lp", "logp", "model_logp"];
 
 /// Whether a folder holds groups of this kind, of another program than this.
 pub fn is_groups(path: &Path) -> bool {
@@ -76,8 +74,20 @@ pub fn read_groups(path: &Path) -> Result<Draws> {
     let count = chains * draws;
     let point = |at: usize| columns.iter().map(move |column| column[at]);
     let values = (0..count).flat_map(point).collect();
-    let lp = density(path, [chains, draws])?.unwrap_or_else(|| vec![f64::NAN; count]);
+    let statistic = |role| statistic(path, statistics(role), [chains, draws]);
+    let lp = statistic(ColumnRole::LogDensity)?.unwrap_or_else(|| vec![f64::NAN; count]);
     let mut read = Draws::new(names, (0..chains).collect(), values, lp)?;
+    for role in [
+        ColumnRole::Divergent,
+        ColumnRole::TreeDepth,
+        ColumnRole::Saturated,
+        ColumnRole::Energy,
+    ] {
+        let found = role.name().zip(statistic(role)?);
+        read.info
+            .columns
+            .extend(found.map(|(name, values)| (name.into(), values)));
+    }
     if path.join("warmup_posterior").is_dir() {
         let remark = "the draws of the warm-up (warmup_posterior) are left out";
         read.info.remarks.push(remark.into());
@@ -85,8 +95,9 @@ pub fn read_groups(path: &Path) -> Result<Draws> {
     Ok(read)
 }
 
-fn density(path: &Path, shape: [usize; 2]) -> Result<Option<Vec<f64>>> {
-    for name in DENSITIES {
+/// The first array of `sample_stats` with one of these names.
+fn statistic(path: &Path, names: &[&str], shape: [usize; 2]) -> Result<Option<Vec<f64>>> {
+    for name in names {
         let array = GroupArray::open(&path.join("sample_stats").join(name))?;
         if let Some(array) = array.filter(|a| a.shape == shape) {
             return array.read().map(Some);

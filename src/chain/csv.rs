@@ -1,12 +1,14 @@
 //! Chain CSV: our own `chain.csv` (`chain,draw,lp__,NAME...`), and any program's CSV of draws (Stan CSV with `#`
 //! comments, one file a chain). Floats are written so that they read back to the same bits.
 
-use std::collections::HashSet;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Write};
+use std::io::{BufRead, BufReader, Cursor, Read, Write};
 use std::path::Path;
 
+use super::columns::{ColumnRole, is_draw, role};
 use super::draws::{Chains, Draws};
+use super::header::{ChainHeader, number};
+use super::stan::StanSettings;
 use crate::error::{Error, Result};
 use crate::files;
 
@@ -103,13 +105,13 @@ fn write_rows(draws: &Draws, number: usize, out: &mut dyn Write) -> std::io::Res
 }
 
 /// Reads the draws of one run from CSV files. A file with a `chain` column may hold many chains; without one each
-/// file is a chain (Stan CSV). `#` comments are skipped; `lp__` is the log density (NaN if there is none); other
-/// columns ending in `__` are the sampler's and go to `info.columns`. Every chain counts as its own ensemble:
-/// see [`Draws::with_walkers`].
+/// file is a chain (Stan CSV). `#` comments are skipped, but for one with the names of the columns before the first row
+/// (numpy.savetxt); `lp__` is the log density (NaN if there is none); other columns of the sampler go to `info.columns`.
+/// Every chain counts as its own ensemble: see [`Draws::with_walkers`].
 ///
 /// # Errors
 /// The input's fault, naming file, line and column: an unreadable file, a missing header, a row of the wrong
-/// length, a value that is no number, chains of different length, files of different columns.
+/// length, a value that is no number, chains of different length, files of different columns or models.
 pub fn read_csv(paths: &[&Path]) -> Result<Draws> {
     let mut table: Option<CsvTable> = None;
     for &path in paths {
@@ -129,11 +131,23 @@ struct CsvTable {
     columns: Vec<String>,
     /// What each chain is called, with its rows, row-major over `columns`.
     chains: Vec<(String, Vec<f64>)>,
+    /// The model that the file names.
+    model: Option<String>,
     remarks: Vec<String>,
 }
 
 impl CsvTable {
     fn join(&mut self, other: Self, path: &Path) -> Result<()> {
+        if let (Some(model), Some(another)) = (&self.model, &other.model)
+            && model != another
+        {
+            let expected = format!("chains of one model, {model}, as in the first file");
+            return Err(Error::input(path.display(), expected)
+                .found(format!("model = {another}"))
+                .hint(
+                    "chains of different models have no posterior in common: diagnose them apart",
+                ));
+        }
         if self.columns != other.columns {
             return Err(
                 Error::input(path.display(), "the same columns as the first file")
@@ -175,15 +189,17 @@ impl CsvTable {
         let mut lp = vec![f64::NAN; count];
         let (mut names, mut kept, mut apart) = (Vec::new(), Vec::new(), Vec::new());
         for (at, name) in self.columns.iter().enumerate() {
-            match name.as_str() {
-                "lp__" => lp = column(at),
+            match (name.as_str(), role(name, &self.columns)) {
+                (_, Some(ColumnRole::LogDensity)) => lp = column(at),
+                (_, Some(role)) => {
+                    apart.push((role.name().unwrap_or(name).to_string(), column(at)));
+                }
                 _ if is_draw(at, name) => {}
-                "weight" | "weights" if column(at).windows(2).any(|w| w[0] != w[1]) => {
+                ("weight" | "weights", _) if column(at).windows(2).any(|w| w[0] != w[1]) => {
                     return Err(Error::input(&place, "draws of equal weight")
                         .found(format!("a column {name} of unequal numbers"))
                         .hint("give the files with weights that GetDist or Cobaya writes, or resample; if it is a parameter, rename it"));
                 }
-                _ if name.ends_with("__") => apart.push((name.clone(), column(at))),
                 _ => {
                     names.push(name.clone());
                     kept.push(at);
@@ -197,7 +213,6 @@ impl CsvTable {
         let mut draws = Draws::new(names, (0..self.chains.len()).collect(), values, lp)?;
         draws.refuse_copies(&|k| self.chains[k].0.clone())?;
         draws.info.remarks = self.remarks;
-        draws.info.remarks.extend(diverged(&apart));
         draws.info.columns = apart;
         Ok(draws)
     }
@@ -206,88 +221,8 @@ impl CsvTable {
 /// Bytes of a line that ends somewhere: a million columns of 25 characters have fewer.
 const LONGEST_LINE: u64 = 1 << 26;
 
-/// What programs call the number of a chain (ours and ArviZ; posterior of R; coda of R), and that of a draw.
-const CHAIN: &[&str] = &["chain", ".chain", "CHAIN", "Chain", "chain_id"];
-const DRAW: &[&str] = &[
-    "draw",
-    ".draw",
-    "iteration",
-    ".iteration",
-    "ITER",
-    "Iteration",
-];
-
-/// The same where it is the first column alone (BEAST and others): further on it is a parameter.
-const COUNTER: &[&str] = &["state", "Sample", "iter", "Iter", "Gen"];
-
-/// Whether the column number `at` counts draws.
-fn is_draw(at: usize, name: &str) -> bool {
-    DRAW.contains(&name) || at == 0 && COUNTER.contains(&name)
-}
-
-/// What Stan's column of divergent transitions says.
-fn diverged(columns: &[(String, Vec<f64>)]) -> Option<String> {
-    let (_, column) = columns.iter().find(|(name, _)| name == "divergent__")?;
-    let count = column.iter().filter(|d| **d != 0.0).count();
-    let of = column.len();
-    (count > 0).then(|| format!("{count} of {of} draws ended in a divergent transition: the chains may miss a part of the posterior, whatever the figures say"))
-}
-
-/// The cells of a line, without blanks and quotation marks; no sign is any number of blanks.
-fn cells(line: &str, sign: Option<char>) -> Vec<&str> {
-    let ends = |c: char| sign.map_or(c.is_whitespace(), |sign| c == sign);
-    let cells = files::cells(line, ends).map(|f| f.trim().trim_matches('"'));
-    cells.filter(|f| sign.is_some() || !f.is_empty()).collect()
-}
-
-/// The header of a file: its columns, and what stands between the cells.
-struct ChainHeader {
-    columns: Vec<String>,
-    sign: Option<char>,
-    chain: Option<usize>,
-    /// Whether no row was read yet.
-    is_first: bool,
-}
-
-impl ChainHeader {
-    fn new(line: &str) -> Result<Self> {
-        let splits = |s: &char| cells(line, Some(*s)).len() > 1;
-        let sign = [',', ';', '\t'].into_iter().find(splits);
-        let columns: Vec<String> = cells(line, sign).into_iter().map(String::from).collect();
-        check_header(&columns)?;
-        Ok(Self {
-            chain: columns.iter().position(|c| CHAIN.contains(&c.as_str())),
-            columns,
-            sign,
-            is_first: true,
-        })
-    }
-
-    /// The cells of a row. Names of rows, as R writes them, have no name of their own.
-    fn row<'a>(&mut self, line: &'a str) -> Result<Vec<&'a str>> {
-        let row = cells(line, self.sign);
-        let beside = row.len() == self.columns.len() + 1;
-        if beside && self.sign.is_none() && std::mem::take(&mut self.is_first) {
-            self.columns.insert(0, String::new());
-            self.chain = self.chain.map(|at| at + 1);
-        }
-        self.is_first = false;
-        let wanted = self.columns.len();
-        if row.len() == wanted {
-            return Ok(row);
-        }
-        Err(Error::input("row", format!("{wanted} columns"))
-            .found(format!("{} columns", row.len()))
-            .hint("the last line of a chain that was killed may be cut: remove it"))
-    }
-
-    /// Whether a column is a number of every draw, not the name of a row or a chain.
-    fn is_read(&self, at: usize) -> bool {
-        Some(at) != self.chain && !(at == 0 && self.columns[0].is_empty())
-    }
-}
-
-fn read_table(path: &Path) -> Result<CsvTable> {
+/// The text of a chain file, line by line.
+fn opened(path: &Path) -> Result<Box<dyn BufRead>> {
     let unreadable = |e| Error::input(path.display(), "a readable chain file").found(e);
     let mut text = BufReader::new(File::open(path).map_err(unreadable)?);
     let start = text.fill_buf().map_err(unreadable)?;
@@ -295,35 +230,66 @@ fn read_table(path: &Path) -> Result<CsvTable> {
         let error = Error::input(path.display(), "chains as text, .npz or a Zarr store");
         return Err(error.found(what).hint(hint));
     }
+    // UTF-16, as a shell of Windows redirects
+    if start.starts_with(&[0xff, 0xfe]) || start.starts_with(&[0xfe, 0xff]) {
+        let mut bytes = Vec::new();
+        text.read_to_end(&mut bytes).map_err(unreadable)?;
+        return Ok(Box::new(Cursor::new(files::plain(bytes))));
+    }
+    Ok(Box::new(text))
+}
+
+/// Read the next line into `line`; whether there was one.
+fn next_line(
+    text: &mut dyn BufRead,
+    line: &mut String,
+    place: &dyn Fn() -> String,
+) -> Result<bool> {
+    line.clear();
+    let read = text.take(LONGEST_LINE).read_line(line);
+    let length = read.map_err(|e| Error::input(place(), "UTF-8 text").found(e))?;
+    if length as u64 == LONGEST_LINE {
+        let expected = format!("lines of fewer than {LONGEST_LINE} bytes");
+        return Err(Error::input(place(), expected)
+            .found("no end of the line")
+            .hint("this is no file of draws"));
+    }
+    Ok(length > 0)
+}
+
+fn read_table(path: &Path) -> Result<CsvTable> {
+    let mut text = opened(path)?;
     let mut header: Option<ChainHeader> = None;
     let mut chains: Vec<(String, Vec<f64>)> = Vec::new();
     let mut settings = StanSettings::default();
-    let mut line = String::new();
+    let (mut line, mut comment) = (String::new(), String::new());
     for index in 0.. {
         let place = || format!("{}, line {}", path.display(), index + 1);
-        line.clear();
-        let read = (&mut text).take(LONGEST_LINE).read_line(&mut line);
-        match read.map_err(|e| Error::input(place(), "UTF-8 text").found(e))? {
-            0 => break,
-            length if length as u64 == LONGEST_LINE => {
-                let expected = format!("lines of fewer than {LONGEST_LINE} bytes");
-                return Err(Error::input(place(), expected)
-                    .found("no end of the line")
-                    .hint("this is no file of draws"));
-            }
-            _ => {}
+        if !next_line(&mut *text, &mut line, &place)? {
+            break;
         }
         let line = line.trim_start_matches('\u{feff}').trim();
-        if let Some(comment) = line.strip_prefix('#') {
-            settings.read(comment).map_err(|e| e.within(place()))?;
+        if let Some(text) = line.strip_prefix(['#', '%']) {
+            settings.read(text).map_err(|e| e.within(place()))?;
+            if header.is_none() {
+                text.trim().clone_into(&mut comment);
+            }
             continue;
         }
         if line.is_empty() {
             continue;
         }
-        let Some(header) = &mut header else {
-            header = Some(ChainHeader::new(line).map_err(|e| e.within(place()))?);
-            continue;
+        let header = match &mut header {
+            Some(header) => header,
+            None => {
+                let (found, is_row) =
+                    ChainHeader::before(line, &comment).map_err(|e| e.within(place()))?;
+                let found = header.insert(found);
+                if !is_row {
+                    continue;
+                }
+                found
+            }
         };
         let fields = header.row(line).map_err(|e| e.within(place()))?;
         let label = header.chain.map_or("", |at| fields[at]);
@@ -332,7 +298,7 @@ fn read_table(path: &Path) -> Result<CsvTable> {
             if !header.is_read(at) {
                 continue;
             }
-            let value = field.parse::<f64>().map_err(|_| {
+            let value = number(field).ok_or_else(|| {
                 let place = format!("{}, column {}", place(), header.columns[at]);
                 let error = Error::input(place, "a number, with a decimal point");
                 error.found(field)
@@ -352,11 +318,15 @@ fn read_table(path: &Path) -> Result<CsvTable> {
 /// The table of chains that were read: draws in order, without those of the warm-up.
 fn finished(
     path: &Path,
-    columns: Vec<String>,
+    mut columns: Vec<String>,
     mut chains: Vec<(String, Vec<f64>)>,
     settings: &StanSettings,
 ) -> Result<CsvTable> {
     let draw = (0..columns.len()).find(|&at| is_draw(at, &columns[at]));
+    let depth = columns
+        .iter()
+        .position(|c| role(c, &columns) == Some(ColumnRole::TreeDepth));
+    let limit = settings.max_depth.unwrap_or(f64::INFINITY);
     for (label, rows) in &mut chains {
         *label = match label.is_empty() {
             true => path.display().to_string(),
@@ -367,11 +337,19 @@ fn finished(
                 in_order(std::mem::take(rows), columns.len(), at).map_err(|e| e.within(&*label))?;
         }
         settings.leave_out_warmup(rows, columns.len());
+        if let Some(at) = depth {
+            let saturated = |row: &[f64]| [row, &[f64::from(row[at] >= limit)]].concat();
+            *rows = rows.chunks(columns.len()).flat_map(saturated).collect();
+        }
+    }
+    if depth.is_some() {
+        columns.push("saturated__".into());
     }
     let remarks = settings.remark(path).into_iter().collect();
     Ok(CsvTable {
         columns,
         chains,
+        model: settings.model.clone(),
         remarks,
     })
 }
@@ -391,60 +369,6 @@ fn in_order(rows: Vec<f64>, width: usize, at: usize) -> Result<Vec<f64>> {
     Ok(ordered.concat())
 }
 
-/// What CmdStan's comments say of the draws below them.
-#[derive(Default)]
-struct StanSettings {
-    warmup: usize,
-    thin: usize,
-    saved: bool,
-}
-
-impl StanSettings {
-    fn read(&mut self, comment: &str) -> Result<()> {
-        /// Methods of CmdStan whose rows are no draws of a Markov chain.
-        const OTHER: [&str; 4] = ["optimize", "variational", "pathfinder", "laplace"];
-        let Some((key, value)) = comment.split_once('=') else {
-            return Ok(());
-        };
-        let value = value.split_whitespace().next().unwrap_or_default();
-        let number = value.parse().unwrap_or(0);
-        match key.trim() {
-            // of RStan the second
-            "num_warmup" | "warmup" => self.warmup = number,
-            "thin" => self.thin = number,
-            "save_warmup" => self.saved = ["1", "true"].contains(&value),
-            "method" if OTHER.contains(&value) => {
-                return Err(
-                    Error::input("method", "draws of a Markov chain (method = sample)")
-                        .found(value)
-                        .hint("this file has no chain, so that nothing converges"),
-                );
-            }
-            _ => {}
-        }
-        Ok(())
-    }
-
-    /// Draws of the warm-up that a chain begins with.
-    fn stored(&self) -> usize {
-        match self.saved {
-            true => self.warmup.div_ceil(self.thin.max(1)),
-            false => 0,
-        }
-    }
-
-    fn leave_out_warmup(&self, rows: &mut Vec<f64>, width: usize) {
-        let end = (self.stored() * width).min(rows.len());
-        rows.drain(..end);
-    }
-
-    fn remark(&self, path: &Path) -> Option<String> {
-        let stored = self.stored();
-        let path = path.display();
-        (stored > 0).then(|| format!("{path}: the first {stored} draws are left out (save_warmup)"))
-    }
-}
-
 /// The rows of the chain called `label`; the search from the end makes sorted files cheap.
 fn rows_of<'a>(chains: &'a mut Vec<(String, Vec<f64>)>, label: &str) -> &'a mut Vec<f64> {
     let at = match chains.iter().rposition(|(known, _)| known == label) {
@@ -455,28 +379,4 @@ fn rows_of<'a>(chains: &'a mut Vec<(String, Vec<f64>)>, label: &str) -> &'a mut 
         }
     };
     &mut chains[at].1
-}
-
-fn check_header(fields: &[String]) -> Result<()> {
-    let mut known = HashSet::new();
-    for (at, field) in fields.iter().enumerate() {
-        if (field.is_empty() && at > 0) || field.parse::<f64>().is_ok() {
-            return Err(Error::input(
-                format!("column {}", at + 1),
-                "the name of a column (the first line that is no comment is the header)",
-            )
-            .found(field));
-        }
-        if !known.insert(field) {
-            return Err(Error::input(format!("column {}", at + 1), "each name once").found(field));
-        }
-    }
-    let is_parameter = |(at, f): (usize, &String)| {
-        let counts = CHAIN.contains(&f.as_str()) || is_draw(at, f);
-        !f.ends_with("__") && !f.is_empty() && !counts
-    };
-    if !fields.iter().enumerate().any(is_parameter) {
-        return Err(Error::input("header", "at least one parameter").found(fields.join(",")));
-    }
-    Ok(())
 }

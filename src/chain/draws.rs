@@ -311,6 +311,33 @@ impl Draws {
         }
     }
 
+    /// The draws of each chain after the first `count`.
+    ///
+    /// # Errors
+    /// The input's fault if none are left.
+    pub fn after(&self, count: usize) -> Result<Self> {
+        if count >= self.draws {
+            let expected = format!("fewer than the {} draws of a chain", self.draws);
+            return Err(Error::input("--burn-in", expected).found(count));
+        }
+        let late = |values: &[f64], width: usize| -> Vec<f64> {
+            let chains = values.chunks((width * self.draws).max(1));
+            let late = chains.flat_map(|chain| &chain[width * count..]);
+            late.copied().collect()
+        };
+        let cut = |(name, values): &(String, Vec<f64>)| (name.clone(), late(values, 1));
+        Ok(Self {
+            draws: self.draws - count,
+            values: late(&self.values, self.dim()),
+            lp: late(&self.lp, 1),
+            info: Info {
+                columns: self.info.columns.iter().map(cut).collect(),
+                ..self.info.clone()
+            },
+            ..self.clone()
+        })
+    }
+
     /// The last of every `stride` draws of each chain.
     ///
     /// # Errors

@@ -5,15 +5,18 @@ mod arviz;
 mod coda;
 #[cfg(feature = "identify")]
 mod codecs;
+mod columns;
 mod csv;
 mod digest;
 mod draws;
 mod getdist;
+mod header;
 #[cfg(feature = "identify")]
 mod npy;
 #[cfg(feature = "identify")]
 mod npz;
 mod reader;
+mod stan;
 mod store;
 mod table;
 mod zarr;

@@ -11,7 +11,7 @@ use crate::chain::{
     read_getdist, read_groups, read_npz, read_zarr, write_csv, write_getdist, write_npz,
     write_stan,
 };
-use crate::diagnose::{Rule, diagnose};
+use crate::diagnose::{Rule, diagnose, joined, transitions};
 use crate::error::{Error, Result};
 use crate::report::json::load;
 use crate::report::{QuotedReport, chains};
@@ -37,6 +37,9 @@ pub struct DiagnoseArguments {
     /// Number of walkers in an ensemble, if the file does not state it. Walkers of one ensemble are not independent chains
     #[arg(long, value_name = "N")]
     walkers: Option<usize>,
+    /// Leave out the first N draws of each chain, or (auto) those before all chains have joined each other
+    #[arg(long, value_name = "N|auto", value_parser = burn_in)]
+    burn_in: Option<BurnIn>,
     /// Of a loop's folder, show the effects too and not the constants alone
     #[arg(long)]
     all: bool,
@@ -50,6 +53,9 @@ pub fn run(arguments: &DiagnoseArguments, global: &Global) -> Result<()> {
     draws.refuse_copies(&|k| format!("chain {}", k + 1))?;
     if let Some(walkers) = arguments.walkers {
         draws = draws.with_walkers(walkers)?;
+    }
+    if let Some(burn_in) = arguments.burn_in {
+        draws = burn_in.cut(&draws)?;
     }
     let own = match &arguments.files[..] {
         [folder] => loop_verdict(folder),
@@ -71,20 +77,7 @@ pub fn run(arguments: &DiagnoseArguments, global: &Global) -> Result<()> {
         verdict.converged = reasons.is_empty();
         verdict.reasons = reasons;
     }
-    if draws.info.thin > 1 {
-        draws.info.remarks.push(format!(
-            "a long run: of {} stored draws of a chain one is diagnosed",
-            draws.info.thin
-        ));
-    }
-    if draws.ensembles() > draws.draws() {
-        let remark = "There are more chains than draws. Is it the other way round, or were the chains joined?";
-        draws.info.remarks.push(remark.into());
-    } else if draws.ensembles() > MANY && arguments.walkers.is_none() {
-        let remark =
-            "if these are walkers of ensembles, not chains of their own, say so: --walkers N";
-        draws.info.remarks.push(remark.into());
-    }
+    remark(&mut draws, arguments.walkers.is_some());
     results(&chains::json(&verdict, &draws.info.remarks))?;
     if arguments.csv {
         print(&chains::csv(&verdict))?;
@@ -98,6 +91,79 @@ pub fn run(arguments: &DiagnoseArguments, global: &Global) -> Result<()> {
         return Err(Error::input("--strict", "converged chains").found(verdict.line()));
     }
     Ok(())
+}
+
+/// Add what is odd about draws to their remarks.
+fn remark(draws: &mut Draws, has_walkers: bool) {
+    for fault in transitions(draws) {
+        let remark = format!("{}: {}", fault.figure, fault.meaning);
+        draws.info.remarks.push(remark);
+    }
+    if draws.info.thin > 1 {
+        draws.info.remarks.push(format!(
+            "a long run: of {} stored draws of a chain one is diagnosed",
+            draws.info.thin
+        ));
+    }
+    if draws.ensembles() > draws.draws() {
+        let remark = "There are more chains than draws. Is it the other way round, or were the chains joined?";
+        draws.info.remarks.push(remark.into());
+    } else if draws.ensembles() > MANY && !has_walkers {
+        let remark =
+            "if these are walkers of ensembles, not chains of their own, say so: --walkers N";
+        draws.info.remarks.push(remark.into());
+    }
+}
+
+/// Draws that a chain begins with and that are left out.
+#[derive(Debug, Clone, Copy)]
+enum BurnIn {
+    Draws(usize),
+    /// Up to where all chains have joined.
+    Auto,
+}
+
+fn burn_in(text: &str) -> std::result::Result<BurnIn, String> {
+    match text {
+        "auto" => Ok(BurnIn::Auto),
+        _ => text
+            .parse()
+            .map(BurnIn::Draws)
+            .map_err(|_| "expected a number of draws, or auto".into()),
+    }
+}
+
+impl BurnIn {
+    /// The draws that are left, with what that changes as a remark.
+    fn cut(self, draws: &Draws) -> Result<Draws> {
+        let joins = joined(draws);
+        let first = match self {
+            Self::Draws(count) => count,
+            Self::Auto => joins.iter().copied().max().unwrap_or(0),
+        };
+        let mut cut = draws.after(first)?;
+        if first == 0 {
+            let remark = "All chains are together from their first draws on: none is left out.";
+            cut.info.remarks.push(remark.into());
+            return Ok(cut);
+        }
+        let [before, after] = [draws, &cut].map(|d| diagnose(d, &Rule::default()));
+        let moved = before.rows.iter().zip(&after.rows);
+        let moved = moved.map(|(a, b)| ((a.mean - b.mean).abs() / b.sd, &b.name));
+        let moved = moved.filter(|(sds, _)| !sds.is_nan());
+        let most = moved.max_by(|a, b| a.0.total_cmp(&b.0));
+        let joins: Vec<String> = joins.iter().map(usize::to_string).collect();
+        let of_mean = most.map_or(String::new(), |(sds, name)| {
+            format!(" The mean of {name} moves by {sds:.2} sd, the others by less.")
+        });
+        cut.info.remarks.push(format!(
+            "The chains join each other at draw {}. The first {first} draws of each are left out: the largest R-hat is {:.3} with them and {:.3} without.{of_mean}",
+            joins.join(", "),
+            before.rhat_max(),
+            after.rhat_max()
+        ));
+        Ok(cut)
+    }
 }
 
 /// More chains than anybody runs independently.
@@ -143,6 +209,13 @@ fn store(path: &Path) -> Option<PathBuf> {
 /// Read chains in whichever format they are; of a store about `most` draws.
 fn read(files: &[PathBuf], most: usize) -> Result<Draws> {
     let [path] = files else {
+        let index = files.first().and_then(|path| coda_index(path));
+        if let Some(index) =
+            index.filter(|i| files.iter().all(|f| coda_index(f).as_ref() == Some(i)))
+        {
+            let chains: Vec<PathBuf> = files.iter().filter(|f| **f != index).cloned().collect();
+            return read_coda(&index, &chains);
+        }
         if let Some(root) = files.first().and_then(|path| getdist_root(path)) {
             return Err(
                 Error::input("chain files", "the root of GetDist files alone")
@@ -166,7 +239,7 @@ fn read(files: &[PathBuf], most: usize) -> Result<Draws> {
         return read_getdist(&root);
     }
     if let Some(index) = coda_index(path) {
-        return read_coda(&index);
+        return read_coda(&index, &[]);
     }
     if path.is_dir() {
         return Err(

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glob::Pattern;
 
 use crate::error::{Error, Result};
-use crate::field::{StepSpec, table};
+use crate::field::{StepSpec, programs, table};
 use crate::files::natural;
 
 /// The files of `--csv`: patterns are looked up, and several files are put in the order of the numbers in their names.
@@ -81,11 +81,11 @@ pub fn steps(files: &[PathBuf]) -> Result<(Vec<StepSpec>, String)> {
     let mut steps = Vec::with_capacity(files.len());
     for file in files {
         let stated = table::stated_force(file)?;
-        let force_n = stated.or_else(|| is_unloaded(file).then_some(0.0));
-        let reason = match (stated, force_n) {
-            (Some(_), _) => "stated in the file; N if it says no unit",
-            (None, Some(_)) => "no load, by the file's name",
-            (None, None) => "not known",
+        let (force_n, reason) = match (stated, force_in_name(file)) {
+            (Some(force), _) => (Some(force), "stated in the file; N if it says no unit"),
+            (None, Some(0.0)) => (Some(0.0), "no load, by the file's name"),
+            (None, Some(force)) => (Some(force), "by the file's name"),
+            (None, None) => (None, "not known"),
         };
         let file = file.clone();
         steps.push((StepSpec { file, force_n }, reason));
@@ -111,8 +111,18 @@ pub fn steps(files: &[PathBuf]) -> Result<(Vec<StepSpec>, String)> {
     Ok((steps.into_iter().map(|(s, _)| s).collect(), said))
 }
 
-fn is_unloaded(file: &Path) -> bool {
-    let name = file.file_stem().unwrap_or_default().to_string_lossy();
-    let name = name.to_lowercase();
-    ["unloaded", "zero"].iter().any(|word| name.contains(word))
+/// The force that a file's name states, N: `0.5 kN`, or a word for none.
+pub fn force_in_name(file: &Path) -> Option<f64> {
+    let name = file.file_name().unwrap_or_default().to_string_lossy();
+    // a small n counts
+    let size = |unit: &str| {
+        programs::newtons(unit)
+            .filter(|_| unit != "n")
+            .map(|(_, n)| n)
+    };
+    programs::in_name(&name, size).or_else(|| {
+        let name = name.to_lowercase();
+        let unloaded = ["unloaded", "zero"].iter().any(|word| name.contains(word));
+        unloaded.then_some(0.0)
+    })
 }

@@ -10,6 +10,7 @@ use super::running::RunPlan;
 use super::{print, results};
 use crate::chain::{Draws, write_csv, write_zarr};
 use crate::error::Result;
+use crate::field::level::WORTH_A_WORD_DEG;
 use crate::files;
 use crate::identify::Identification;
 use crate::infer::Model;
@@ -37,7 +38,20 @@ pub fn say((closed, page): (&Closed, &Page), run: &RunPlan, console: &Console) -
             "The intervals to quote are those of the closed form: {why}"
         ));
     }
-    show(page, run.verbose)
+    show(page, run.verbose)?;
+    let first = closed.rounds.first();
+    let observed = first.map(|r| &r.identification.inverse.prepared.observation.field);
+    let tilt = observed.and_then(|field| field.levelled_deg);
+    tilt.filter(|deg| *deg > WORTH_A_WORD_DEG)
+        .map_or(Ok(()), |deg| print(&levelled(deg)))
+}
+
+/// What levelling a stereo measurement did.
+fn levelled(deg: f64) -> String {
+    let shorter = 100.0 * (1.0 - deg.to_radians().cos());
+    format!(
+        "The points lie in a plane that is tilted by {deg:.2} degrees in the table. Places and displacements are taken along its axes. In the table's axes lengths would be up to {shorter:.1} % too short, and shear strains would be wrong.\n"
+    )
 }
 
 /// Print what a page says: a screen, or with `verbose` everything.

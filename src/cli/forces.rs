@@ -1,12 +1,12 @@
 //! `init --forces`: the force of every step, from the testing machine's file.
 
-use std::collections::BTreeMap;
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::Args;
 use serde_json::{Value, json};
 
+use super::force_rows::{ForceRecord, parts};
 use super::machine_file::MachineFile;
 use crate::error::{Error, Result};
 use crate::field::programs::{FORCE_UNITS, newtons};
@@ -42,25 +42,8 @@ const FORCES: [&str; 10] = [
 /// Words of columns of a stress, a force per width or a rate of loading.
 const NO_FORCES: [&str; 8] = ["per", "rate", "stress", "mm", "mm2", "mm\u{b2}", "m", "s"];
 
-/// What columns of picture numbers are called.
-const NUMBERS: [&str; 14] = [
-    "index", "count", "image", "picture", "frame", "photo", "bild", "stage", "step", "number",
-    "no", "nr", "file", "#",
-];
-
 /// Forces of two steps this close, as a share of the largest, are of one load.
 const SAME: f64 = 5e-3;
-
-/// Words of a column's name and the unit that it states.
-fn parts(name: &str) -> (Vec<String>, Option<(&'static str, f64)>) {
-    let lower = name.to_lowercase();
-    let apart = |c: char| !(c.is_alphanumeric() || c == '#');
-    let words = lower.split(apart).filter(|w| !w.is_empty());
-    let words: Vec<String> = words.map(String::from).collect();
-    // the first word is the name, whatever else it means
-    let unit = words.iter().skip(1).find_map(|w| newtons(w));
-    (words, unit)
-}
 
 impl ForceArguments {
     /// Put the forces into the experiment; returns what is said of them.
@@ -75,7 +58,14 @@ impl ForceArguments {
         let place = path.display().to_string();
         let column = self.column(&file, &place)?;
         let (unit, newtons) = self.unit(&file.names[column], &place)?;
-        let (rows, how) = self.matched(&file, column, steps, &place)?;
+        let record = ForceRecord {
+            file: &file,
+            force: column,
+            offset: self.force_offset,
+            place: &place,
+        };
+        let rows = record.rows(steps)?;
+        let how = &rows.how;
         let mut said = format!(
             "\nforces from {place}: column \"{}\" in {unit}, {how}{}\n",
             file.names[column],
@@ -85,16 +75,17 @@ impl ForceArguments {
                 ""
             }
         );
-        let mean = |rows: &[usize]| {
-            let all: Option<Vec<f64>> = rows.iter().map(|r| file.number(*r, column)).collect();
+        let mean = |rows: &[(usize, f64)]| {
+            let share = |(row, share): &(usize, f64)| Some(share * file.number(*row, column)?);
+            let all: Option<Vec<f64>> = rows.iter().map(share).collect();
             all.filter(|a| !a.is_empty())
-                .map(|a| newtons * a.iter().sum::<f64>() / a.len() as f64)
+                .map(|a| newtons * a.iter().sum::<f64>())
         };
-        let of = |what: &str, rows: &[usize]| {
+        let of = |what: &str, rows: &[(usize, f64)]| {
             mean(rows).ok_or_else(|| {
-                let line = rows.first().map_or(0, |r| file.rows[*r].0);
+                let line = rows.first().map_or(0, |r| file.rows[r.0].0);
                 Error::input(format!("{place}:{line}"), format!("the force of {what}"))
-                    .found(rows.first().map_or("", |r| file.cell(*r, column)))
+                    .found(rows.first().map_or("", |r| file.cell(r.0, column)))
             })
         };
         let mut reference = 0.0;
@@ -109,13 +100,14 @@ impl ForceArguments {
             said += "  no row belongs to the reference picture. plychain takes the forces as they are: this is right only if that picture was taken without load\n";
         }
         let mut forces = Vec::with_capacity(steps.len());
-        for (step, rows) in steps.iter().zip(&rows.steps) {
-            let force = round(of(&step.display().to_string(), rows)? - reference);
-            let more = match rows.len() {
+        for (step, own) in steps.iter().zip(&rows.steps) {
+            let force = round(of(&step.display().to_string(), own)? - reference);
+            let more = match own.len() {
                 1 => String::new(),
+                _ if rows.is_interpolated => " and the next".into(),
                 count => format!(", the mean of {count} rows"),
             };
-            let line = rows.first().map_or(0, |r| file.rows[*r].0);
+            let line = own.first().map_or(0, |r| file.rows[r.0].0);
             let _ = writeln!(
                 said,
                 "    {}: force_N {force} (line {line}{more})",
@@ -184,175 +176,6 @@ impl ForceArguments {
             None => Ok(asked),
         }
     }
-
-    fn matched(
-        &self,
-        file: &MachineFile,
-        force: usize,
-        steps: &[PathBuf],
-        place: &str,
-    ) -> Result<(StepRows, String)> {
-        if self.force_offset.is_none()
-            && let Some(found) = by_name(file, steps)
-        {
-            return Ok((found, "matched by the pictures' names".into()));
-        }
-        if let Some(column) = number_column(file, force) {
-            return self.by_number(file, column, steps, place);
-        }
-        let order = |first: usize| (first..file.rows.len()).map(|r| vec![r]).collect();
-        let (rows, count) = (file.rows.len(), steps.len());
-        if rows == count {
-            let found = StepRows {
-                steps: order(0),
-                reference: None,
-            };
-            return Ok((found, "matched by their order, a row a step".into()));
-        }
-        if rows == count + 1 {
-            let found = StepRows {
-                steps: order(1),
-                reference: Some(vec![0]),
-            };
-            return Ok((
-                found,
-                "matched by their order, the first row that of the reference picture".into(),
-            ));
-        }
-        Err(Error::input(place, "a column with the number or the name of each picture")
-            .found(format!("{} rows for {count} steps, of {}", rows, file.names.join(", ")))
-            .hint("export the forces with the pictures' numbers, or leave a row for each step and one before them for the reference picture"))
-    }
-
-    fn by_number(
-        &self,
-        file: &MachineFile,
-        column: usize,
-        steps: &[PathBuf],
-        place: &str,
-    ) -> Result<(StepRows, String)> {
-        let mut rows: BTreeMap<i64, Vec<usize>> = BTreeMap::new();
-        for row in 0..file.rows.len() {
-            if let Some(n) = file.number(row, column).filter(|n| n.fract() == 0.0) {
-                rows.entry(n as i64).or_default().push(row);
-            }
-        }
-        let offset = self.force_offset.unwrap_or(0);
-        let numbers = numbers(steps).ok_or_else(|| {
-            Error::input(
-                "--csv",
-                "files with the numbers of their pictures in their names",
-            )
-            .found(
-                steps
-                    .first()
-                    .map_or_else(String::new, |s| s.display().to_string()),
-            )
-        })?;
-        let range = rows.keys().next().zip(rows.keys().last());
-        let (first, last) = range.map_or((0, 0), |(a, b)| (*a, *b));
-        let mut of_steps = Vec::with_capacity(steps.len());
-        for (step, number) in steps.iter().zip(&numbers) {
-            let wanted = number + offset;
-            let found = rows.get(&wanted).ok_or_else(|| {
-                Error::input(place, format!("picture {wanted}, of {}", step.display()))
-                    .found(format!("pictures {first} to {last}"))
-                    .hint("the file counts otherwise? --force-offset N: its number less that in the fields' names")
-            })?;
-            of_steps.push(found.clone());
-        }
-        let lowest = numbers.iter().min().map_or(0, |n| n + offset);
-        let before = rows.first_key_value().filter(|(n, _)| **n < lowest);
-        let how = format!(
-            "matched by the pictures' numbers, \"{}\" {first} to {last}, offset {offset} (--force-offset changes it)",
-            file.names[column]
-        );
-        let reference = before.map(|(_, rows)| rows.clone());
-        Ok((
-            StepRows {
-                steps: of_steps,
-                reference,
-            },
-            how,
-        ))
-    }
-}
-
-/// Rows of a file by what they are of.
-struct StepRows {
-    steps: Vec<Vec<usize>>,
-    reference: Option<Vec<usize>>,
-}
-
-/// By a column of file names: the longest that a step's name has in it.
-fn by_name(file: &MachineFile, steps: &[PathBuf]) -> Option<StepRows> {
-    let stem = |cell: &str| -> Option<String> {
-        let path = Path::new(cell.rsplit(['/', '\\']).next()?);
-        path.extension()?;
-        let stem = path.file_stem()?.to_string_lossy().to_lowercase();
-        stem.chars().any(char::is_alphabetic).then_some(stem)
-    };
-    let is_of_names = |k: &usize| (0..file.rows.len()).all(|r| stem(file.cell(r, *k)).is_some());
-    let column = (0..file.names.len()).find(is_of_names)?;
-    let names: Vec<String> = (0..file.rows.len())
-        .filter_map(|r| stem(file.cell(r, column)))
-        .collect();
-    let of_step = |step: &PathBuf| -> Option<Vec<usize>> {
-        let own = step.file_name()?.to_string_lossy().to_lowercase();
-        let fitting = names.iter().filter(|n| own.contains(n.as_str()));
-        let name = fitting.max_by_key(|n| n.len())?;
-        Some((0..names.len()).filter(|r| names[*r] == *name).collect())
-    };
-    let found: Vec<Vec<usize>> = steps.iter().map(of_step).collect::<Option<_>>()?;
-    let first = found.iter().flatten().min().copied()?;
-    let reference = (first > 0).then(|| (0..first).filter(|r| names[*r] == names[0]).collect());
-    Some(StepRows {
-        steps: found,
-        reference,
-    })
-}
-
-/// The column of picture numbers: by its name, or else the first one if it counts.
-fn number_column(file: &MachineFile, force: usize) -> Option<usize> {
-    let counts = |k: usize| {
-        let whole = |r: usize| {
-            file.number(r, k)
-                .is_some_and(|n| n.fract() == 0.0 && n.abs() < 1e9)
-        };
-        (0..file.rows.len()).all(whole)
-    };
-    let is_named = |k: &usize| {
-        let (words, _) = parts(&file.names[*k]);
-        *k != force && words.iter().any(|w| NUMBERS.contains(&w.as_str())) && counts(*k)
-    };
-    let named = (0..file.names.len()).find(is_named);
-    let rises = |k: usize| (1..file.rows.len()).all(|r| file.number(r, k) > file.number(r - 1, k));
-    named.or_else(|| (force != 0 && file.rows.len() > 1 && counts(0) && rises(0)).then_some(0))
-}
-
-/// The numbers of steps: those in their names that differ, the longest if only one step is there.
-fn numbers(steps: &[PathBuf]) -> Option<Vec<i64>> {
-    let all: Vec<Vec<String>> = steps
-        .iter()
-        .map(|step| {
-            let stem = step.file_stem().unwrap_or_default().to_string_lossy();
-            let digits = stem
-                .split(|c: char| !c.is_ascii_digit())
-                .filter(|d| !d.is_empty());
-            digits.map(String::from).collect()
-        })
-        .collect();
-    let places = all.iter().map(Vec::len).min()?;
-    let differ = |k: &usize| {
-        let mut here: Vec<&String> = all.iter().map(|n| &n[*k]).collect();
-        here.sort_unstable();
-        here.windows(2).all(|w| w[0] != w[1])
-    };
-    let place = match all.as_slice() {
-        [one] => (0..places).max_by_key(|k| one[*k].len())?,
-        _ => (0..places).rev().find(differ)?,
-    };
-    all.iter().map(|n| n[place].parse().ok()).collect()
 }
 
 /// What is said of steps at one force.

@@ -3,7 +3,9 @@
 use std::path::Path;
 
 use crate::error::{Error, Result};
-use crate::files::{cells, in_place_of, plain};
+use crate::field::cells::{Delimiter, comma_in, number};
+use crate::field::of_settings;
+use crate::files::in_place_of;
 
 /// Rows of cells below their names.
 pub struct MachineFile {
@@ -14,26 +16,15 @@ pub struct MachineFile {
     pub has_commas: bool,
 }
 
-/// A cell without blanks and quotation marks around it.
-fn cell(text: &str) -> String {
-    text.trim().trim_matches('"').trim().to_string()
-}
-
-fn number(cell: &str, has_commas: bool) -> Option<f64> {
-    let text = cell.replace('\u{2212}', "-");
-    let text = if has_commas {
-        text.replace(',', ".")
-    } else {
-        text
-    };
-    text.parse().ok().filter(|v: &f64| v.is_finite())
-}
-
 /// Whether most cells that are not empty are numbers, and there are some.
 fn is_of_numbers(cells: &[String], has_commas: bool) -> bool {
     let full = cells.iter().filter(|c| !c.is_empty()).count();
-    let numbers = cells.iter().filter(|c| number(c, has_commas).is_some());
-    2 * numbers.count() >= full && full > 1
+    2 * numbers_in(cells, has_commas) >= full && full > 1
+}
+
+fn numbers_in(cells: &[String], has_commas: bool) -> usize {
+    let numbers = cells.iter().filter_map(|c| number(c, has_commas));
+    numbers.filter(|n| n.is_finite()).count()
 }
 
 impl MachineFile {
@@ -49,34 +40,37 @@ impl MachineFile {
             let error = Error::input(&place, "a table of forces, as CSV");
             return Err(error.found(found).hint(hint));
         }
-        let text = match String::from_utf8(plain(bytes)) {
-            Ok(text) => text,
-            // Windows-1252, whose letters beyond ASCII are in names only
-            Err(e) => e.as_bytes().iter().map(|b| char::from(*b)).collect(),
-        };
-        let tables = [';', '\t', ','].map(|delimiter| Self::split(&text, delimiter));
-        tables.into_iter().flatten().next().ok_or_else(|| {
+        let text = of_settings(path, &bytes)?;
+        let tables = Delimiter::ALL.map(|delimiter| Self::split(&text, delimiter));
+        let tables: Vec<Self> = tables.into_iter().flatten().collect();
+        // a decimal comma may look like a delimiter
+        let whole = tables.iter().position(Self::is_all_numbers);
+        tables.into_iter().nth(whole.unwrap_or(0)).ok_or_else(|| {
             Error::input(
                 place,
-                "rows of numbers below a row of names, between ; , or tabs",
+                "rows of numbers below a row of names, between ; , tabs or blanks",
             )
             .found("none")
             .hint("export picture number (or name) and force as CSV, with the names of the columns")
         })
     }
 
+    fn is_all_numbers(&self) -> bool {
+        let whole =
+            |(_, cells): &(usize, Vec<String>)| numbers_in(cells, self.has_commas) == cells.len();
+        self.rows.iter().all(whole)
+    }
+
     /// By a delimiter, if that makes a table of it.
-    fn split(text: &str, delimiter: char) -> Option<Self> {
-        let lines: Vec<Vec<String>> = text
-            .lines()
-            .map(|line| cells(line, |c| c == delimiter).map(cell).collect())
-            .collect();
-        let is_comma = |c: &String| {
-            let parts: Vec<&str> = c.trim_start_matches(['-', '+']).split(',').collect();
-            let digits = |p: &&str| !p.is_empty() && p.bytes().all(|b| b.is_ascii_digit());
-            parts.len() == 2 && parts.iter().all(digits)
+    fn split(text: &str, delimiter: Delimiter) -> Option<Self> {
+        let cells = |line: &str| {
+            let mut cells = Vec::new();
+            delimiter.split(line, &mut cells);
+            cells.into_iter().map(String::from).collect()
         };
-        let has_commas = delimiter != ',' && lines.iter().flatten().any(is_comma);
+        let lines: Vec<Vec<String>> = text.lines().map(cells).collect();
+        let is_comma = |c: &String| comma_in(c).is_some();
+        let has_commas = delimiter != Delimiter::Sign(',') && lines.iter().flatten().any(is_comma);
         let first = lines
             .iter()
             .position(|cells| is_of_numbers(cells, has_commas))?;
@@ -85,6 +79,7 @@ impl MachineFile {
             .rev()
             .find(|cells| cells.iter().any(|c| !c.is_empty()))?
             .clone();
+        uncommented(&mut names, lines[first].len());
         // a row of units below that of names
         if names.iter().all(|n| n.is_empty() || is_unit(n)) && first > 1 {
             let above = &lines[first - 2];
@@ -111,12 +106,25 @@ impl MachineFile {
 
     /// A number of a row; none where there is none.
     pub fn number(&self, row: usize, column: usize) -> Option<f64> {
-        number(self.cell(row, column), self.has_commas)
+        number(self.cell(row, column), self.has_commas).filter(|v| v.is_finite())
     }
 
     pub fn cell(&self, row: usize, column: usize) -> &str {
         let cells = self.rows.get(row).map(|(_, cells)| cells);
         cells.and_then(|c| c.get(column)).map_or("", String::as_str)
+    }
+}
+
+/// The sign of a comment before the first name goes; alone it may be the name of a column, of `count`.
+fn uncommented(names: &mut Vec<String>, count: usize) {
+    let Some(first) = names.first_mut() else {
+        return;
+    };
+    let bare = first.trim_start_matches(['#', '%', ' ']).to_string();
+    if !bare.is_empty() {
+        *first = bare;
+    } else if names.len() > count {
+        names.remove(0);
     }
 }
 

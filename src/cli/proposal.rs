@@ -78,12 +78,14 @@ fn put(files: &[PathBuf], experiment: &mut Value) -> Result<(Vec<PathBuf>, Strin
     let mut said = String::new();
     if let [file] = files {
         experiment["measurement"]["file"] = json!(file);
-        if let Some(force) = table::stated_force(file)? {
+        let stated = table::stated_force(file)?;
+        let by = match stated {
+            Some(_) => "stated in the file; N if it says no unit",
+            None => "by the file's name",
+        };
+        if let Some(force) = stated.or_else(|| exports::force_in_name(file).filter(|f| *f != 0.0)) {
             experiment["load"]["force_N"] = json!(force);
-            let _ = writeln!(
-                said,
-                "  load.force_N {force}: stated in the file; N if it says no unit"
-            );
+            let _ = writeln!(said, "  load.force_N {force}: {by}");
         }
         return Ok((files.to_vec(), said));
     }
@@ -292,13 +294,18 @@ fn remarks(map: &ColumnMap, field: &Field) -> String {
 
 /// How the images were correlated, as the user or the file says.
 fn images(export: &Export, arguments: &TableArguments, said: &mut String) -> Option<Value> {
-    let scale = export.map.units.mm_per_pixel;
-    let stated = export.subset_px.filter(|_| arguments.subset_mm.is_none());
-    let subset = match (stated, scale) {
+    let given = arguments.subset_px.or(export.subset_px);
+    let given = given.filter(|_| arguments.subset_mm.is_none());
+    let subset = match (given, export.pixel_mm) {
         (Some(px), Some(mm)) => {
+            let by = if arguments.subset_px.is_some() {
+                "--subset-px"
+            } else {
+                "the file"
+            };
             let _ = writeln!(
                 said,
-                "  image_correlation.subset_mm {:.4}: subsets of {px} px, as the file says",
+                "  image_correlation.subset_mm {:.4}: subsets of {px} px, as {by} says",
                 px * mm
             );
             Some(round(px * mm, 6))
@@ -313,8 +320,8 @@ fn images(export: &Export, arguments: &TableArguments, said: &mut String) -> Opt
         (None, _) => arguments.subset_mm,
     }?;
     let mut images = arguments.images(subset);
-    if let Some(size) = scale.filter(|_| stated.is_some()) {
-        images["pixel_mm"] = json!(size);
+    if let Some(size) = export.pixel_mm {
+        images["pixel_mm"] = json!(round(size, 9));
     }
     Some(images)
 }

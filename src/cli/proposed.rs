@@ -17,38 +17,16 @@ pub struct Export {
     pub field: Field,
     /// Side of the subsets, pixels, as the table says.
     pub subset_px: Option<f64>,
+    /// Size of a pixel on the specimen, mm, as the user or the table says.
+    pub pixel_mm: Option<f64>,
     /// Whether its program gives places in the deformed state.
     pub usually_deformed: bool,
     /// What was assumed of its columns.
     pub said: String,
 }
 
-/// Names, without their unit, of columns that hold the standard deviation of a displacement and the coefficient of the
-/// correlation.
+/// Name, without its unit, of a column of standard deviations of a displacement.
 const SIGMA: &str = "sigma";
-const CORRELATION: &[&str] = &[
-    "zncc",
-    "cost_zncc",
-    "r1t1 zncc",
-    "correlation",
-    "correlation coefficient",
-    "correlation value",
-    "samecamera.correlation value",
-];
-
-/// Columns of a displacement out of the plane.
-const OUT_OF_PLANE: &[&str] = &[
-    "w",
-    "uz",
-    "dz",
-    "w_c",
-    "displacement_z",
-    "displacement_w",
-    "model_displacement_z",
-    "z disp",
-    "disp.out-of-plane: w",
-    "disp.out-of-plane displacement w",
-];
 
 /// A calibrated coordinate this close to pixels, in its extent, was never calibrated.
 const SAME_SCALE: f64 = 1e-6;
@@ -59,19 +37,7 @@ impl Export {
     /// # Errors
     /// Of the input: a table that is none, columns that are not known, a unit that nothing states, an option that is not used.
     pub fn read(csv: &Path, user: &TableOptions) -> Result<Self> {
-        let named = user
-            .columns
-            .as_ref()
-            .map(Columns::named)
-            .unwrap_or_default();
-        let bare = |name: &'_ str| name.trim().trim_start_matches('-').to_string();
-        let names: Vec<String> = named.iter().map(|(_, name)| bare(name)).collect();
-        let names: Vec<&str> = names.iter().map(String::as_str).collect();
-        let header = table::described(csv, &names)?;
-        if let Some(uz) = user.uz.as_ref().filter(|uz| !header.names.contains(uz)) {
-            let expected = format!("a column of {}: {}", csv.display(), header.names.join(", "));
-            return Err(Error::input("--columns uz", expected).found(uz));
-        }
+        let header = header(csv, user)?;
         let found = match &user.columns {
             Some(columns) => given(&header, columns),
             None => of_a_program(csv, &header, user)?,
@@ -107,23 +73,15 @@ impl Export {
         }
         said += &unused_marks(&header.names, &map.columns);
         let in_pixels = units.contains(&PIXEL) || sigma_in_pixels;
-        map.units.mm_per_pixel = user.mm_per_pixel.filter(|_| in_pixels);
-        if let (Some(scale), None, true) = (found.scale, user.mm_per_pixel, sigma_in_pixels) {
-            let size = scale * map.units.in_mm()?[0];
-            let _ = writeln!(
-                said,
-                "    a pixel is {size:.6} mm, by the coordinates in both units: the scale of sigma"
-            );
-            map.units.mm_per_pixel = Some(size);
-        }
-        if units[0] == PIXEL && program.is_none_or(|p| p.y_downwards) {
-            said += "  pixels: where y counts downwards in the picture, angles in the data's x-y plane turn clockwise in it\n";
-        }
+        let pixel_mm = pixel(found.scale, &map.units, user, &mut said)?;
+        map.units.mm_per_pixel = pixel_mm.filter(|_| in_pixels);
+        said += &turn(&mut map.columns, units[0], program, user);
         let field = read(csv, &mut map, &mut said)?;
         said += &counted(&field);
-        said += &stated(&header, program, user);
+        said += &stated(&header, program, user, field.levelled_deg.is_some());
         Ok(Self {
             label: found.label,
+            pixel_mm,
             subset_px: program.and_then(|p| stated_number(&header.preamble, p.subset_px?)),
             usually_deformed: user.columns.is_none()
                 && header.found.as_ref().is_some_and(|f| f.deformed),
@@ -131,6 +89,75 @@ impl Export {
             field,
             said,
         })
+    }
+}
+
+/// The header of a table, with the columns that the user names.
+fn header(csv: &Path, user: &TableOptions) -> Result<TableHeader> {
+    let named = user
+        .columns
+        .as_ref()
+        .map(Columns::named)
+        .unwrap_or_default();
+    let bare = |name: &'_ str| name.trim().trim_start_matches('-').to_string();
+    let names: Vec<String> = named.iter().map(|(_, name)| bare(name)).collect();
+    let names: Vec<&str> = names.iter().map(String::as_str).collect();
+    let header = table::described(csv, &names)?;
+    if let Some(uz) = user.uz.as_ref().filter(|uz| !header.names.contains(uz)) {
+        let expected = format!("a column of {}: {}", csv.display(), header.names.join(", "));
+        return Err(Error::input("--columns uz", expected).found(uz));
+    }
+    Ok(header)
+}
+
+/// The size of a pixel, mm, as the user says or the coordinates in both units, one of which is `scale` of the other.
+fn pixel(
+    scale: Option<f64>,
+    units: &Units,
+    user: &TableOptions,
+    said: &mut String,
+) -> Result<Option<f64>> {
+    let by_table = scale.zip(units.in_mm().ok());
+    let by_table = by_table.map(|(scale, [mm, _])| scale * mm);
+    if let (Some(size), None) = (by_table, user.mm_per_pixel) {
+        let _ = writeln!(
+            said,
+            "    a pixel is {size:.6} mm, by the coordinates in both units"
+        );
+    }
+    let size = user.mm_per_pixel.or(by_table);
+    if user.subset_px.is_some() && size.is_none() {
+        let expected = "a table or an option that says how large a pixel is";
+        return Err(Error::input("--subset-px", expected)
+            .found("none")
+            .hint("give --mm-per-pixel MM, or --subset-mm MM"));
+    }
+    Ok(size)
+}
+
+/// Turn y and uy if the user says that they count downwards; what is to be said of that.
+fn turn(
+    columns: &mut Columns,
+    unit: &str,
+    program: Option<&Program>,
+    user: &TableOptions,
+) -> String {
+    if user.y_down {
+        for name in [&mut columns.y, &mut columns.uy] {
+            *name = match name.strip_prefix('-') {
+                Some(plain) => plain.into(),
+                None => format!("-{name}"),
+            };
+        }
+        let Columns { y, uy, .. } = columns;
+        return format!(
+            "  y and uy are turned, so that y counts upwards (columns.y \"{y}\", columns.uy \"{uy}\")\n"
+        );
+    }
+    match program {
+        Some(program) if !program.y_downwards => String::new(),
+        _ if unit != PIXEL => String::new(),
+        _ => "  pixels: where y counts downwards in the picture, angles in the data's x-y plane turn clockwise in it; --y-down turns y and uy\n".into(),
     }
 }
 
@@ -266,23 +293,12 @@ fn unknown(csv: &Path, header: &TableHeader) -> Error {
     ))
 }
 
-/// Names of columns that mark points, as programs and people have them; which values mark a failed one, they do not say.
-const MARKS: [&str; 8] = [
-    "mask",
-    "valid",
-    "status",
-    "converged",
-    "flag",
-    "flags",
-    "typevector",
-    "outlier",
-];
-
 /// What is said of columns that mark points and are not used.
 fn unused_marks(header: &[String], used: &Columns) -> String {
     let used = used.named();
     let is_used = |name: &String| used.iter().any(|(_, own)| own == name);
-    let is_mark = |name: &&String| MARKS.contains(&name.trim().to_lowercase().as_str());
+    let words = programs::all_words(|p| p.marks);
+    let is_mark = |name: &&String| words.contains(&name.trim().to_lowercase().as_str());
     let marks = header.iter().filter(is_mark).filter(|name| !is_used(name));
     let say = |name: &String| {
         format!(
@@ -302,13 +318,7 @@ pub fn quality(
         let unit = programs::split(&name).1;
         (name, unit)
     };
-    let stem = |name: &str| programs::split(name).0.to_lowercase();
-    let find = |word: &str| {
-        header
-            .iter()
-            .find(|h| stem(h) == word.to_lowercase())
-            .cloned()
-    };
+    let find = |word: &str| programs::named(header, &[&word.to_lowercase()]).cloned();
     if let Some(columns) = &user.columns {
         // whose sigma it is, is not known: it tells the points that failed
         let found = || Some((find(SIGMA)?, Some(PIXEL)));
@@ -319,7 +329,8 @@ pub fn quality(
     let in_pixels = in_pixels.map(with_unit);
     let in_pixels = in_pixels.map(|(name, unit)| (name, unit.or(Some(PIXEL))));
     let sigma = in_pixels.or_else(|| find(SIGMA).map(with_unit));
-    (sigma, CORRELATION.iter().find_map(|word| find(word)))
+    let words = programs::all_words(|p| p.correlation);
+    (sigma, programs::named(header, &words).cloned())
 }
 
 /// Points that are not used, by reason.
@@ -343,7 +354,12 @@ fn counted(field: &Field) -> String {
 }
 
 /// What the lines before the table say, and its column out of the plane.
-fn stated(header: &TableHeader, program: Option<&Program>, user: &TableOptions) -> String {
+fn stated(
+    header: &TableHeader,
+    program: Option<&Program>,
+    user: &TableOptions,
+    is_levelled: bool,
+) -> String {
     let mut said = String::new();
     if let Some(program) = program {
         if let Some(step) = program
@@ -364,17 +380,18 @@ fn stated(header: &TableHeader, program: Option<&Program>, user: &TableOptions) 
     {
         said += "  the file says \"incremental correlation: true\": displacements from picture to picture; correlate all pictures with one reference\n";
     }
-    let stem = |name: &String| programs::split(name).0.to_lowercase();
-    let uz = user.uz.as_ref().or_else(|| {
-        header
-            .names
-            .iter()
-            .find(|name| OUT_OF_PLANE.contains(&stem(name).as_str()))
-    });
-    if let Some(name) = uz {
+    let words = programs::out_of_plane();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    let uz = user.uz.as_ref();
+    if let Some(name) = uz.or_else(|| programs::named(&header.names, &words)) {
+        let used = if is_levelled {
+            "used for the tilt of the plane alone"
+        } else {
+            "not used"
+        };
         let _ = writeln!(
             said,
-            "  out of the plane \"{name}\": not used; if it changes from step to step, declare the effects out_of_plane_translation and out_of_plane_rotation"
+            "  out of the plane \"{name}\": {used}; if it changes from step to step, declare the effects out_of_plane_translation and out_of_plane_rotation"
         );
     }
     said

@@ -33,7 +33,7 @@ impl Unsettled<'_> {
                     .found(format!("the columns {a}, {b} in pixels"))
                     .hint("export the field with its calibration, or say the size of a pixel: --mm-per-pixel MM"))
             }
-            (None, Some(size)) if !self.sigma_in_pixels => {
+            (None, Some(size)) if !self.sigma_in_pixels && user.subset_px.is_none() => {
                 let all = [self.pair(0), self.pair(1)].concat().join(", ");
                 let expected = format!(
                     "no such option, because {} has {all} in {}",
@@ -47,7 +47,7 @@ impl Unsettled<'_> {
             (None, Some(_)) => {
                 let _ = writeln!(
                     said,
-                    "  --mm-per-pixel is the scale of sigma alone: coordinates are in {}",
+                    "  --mm-per-pixel is the scale of sigma and subsets alone: coordinates are in {}",
                     units[0]
                 );
                 Ok(units)

@@ -18,11 +18,17 @@ pub struct TableArguments {
     /// Unit of a table that states none: mm, m, um, nm or in. Two units, as in mm,um, are those of coordinates and displacements
     #[arg(long, value_name = "UNIT", requires = "csv")]
     pub units: Option<String>,
+    /// y counts downwards, as in a picture: turn y and uy, so that angles count counter-clockwise as the camera sees the specimen
+    #[arg(long, requires = "csv")]
+    pub y_down: bool,
     /// Side of a subset of the image correlation, mm
-    #[arg(long, value_name = "MM", value_parser = length_mm)]
+    #[arg(long, value_name = "MM", group = "subset", value_parser = length_mm)]
     pub subset_mm: Option<f64>,
+    /// The same in pixels, if the size of a pixel is known (--mm-per-pixel, or columns in pixels and mm)
+    #[arg(long, value_name = "PX", group = "subset", requires = "csv", value_parser = pixels)]
+    pub subset_px: Option<f64>,
     /// Distance of the camera from the specimen, mm (a rough value is enough)
-    #[arg(long, value_name = "MM", requires = "subset_mm", value_parser = length_mm)]
+    #[arg(long, value_name = "MM", requires = "subset", value_parser = length_mm)]
     pub camera_distance_mm: Option<f64>,
 }
 
@@ -39,9 +45,17 @@ impl TableArguments {
 
 /// A size as it is typed.
 fn length_mm(text: &str) -> std::result::Result<f64, String> {
+    above_0(text, "a length in mm")
+}
+
+fn pixels(text: &str) -> std::result::Result<f64, String> {
+    above_0(text, "a number of pixels")
+}
+
+fn above_0(text: &str, what: &str) -> std::result::Result<f64, String> {
     let size = text.trim().parse::<f64>().ok();
     let size = size.filter(|s| s.is_finite() && *s > 0.0);
-    size.ok_or_else(|| "expected a length in mm above 0".into())
+    size.ok_or_else(|| format!("expected {what} above 0"))
 }
 
 /// What the user says of the tables.
@@ -52,6 +66,8 @@ pub struct TableOptions {
     /// Units of the coordinates and of the displacements.
     pub units: Option<[&'static str; 2]>,
     pub mm_per_pixel: Option<f64>,
+    pub subset_px: Option<f64>,
+    pub y_down: bool,
 }
 
 impl TableOptions {
@@ -75,6 +91,8 @@ impl TableOptions {
             uz: uz.flatten(),
             units: units.transpose()?,
             mm_per_pixel: arguments.mm_per_pixel,
+            subset_px: arguments.subset_px,
+            y_down: arguments.y_down,
         })
     }
 }

@@ -4,11 +4,13 @@ use std::fmt;
 
 use rayon::prelude::*;
 
+use super::FEWEST;
 use super::ess::{ess_bulk, ess_tail};
 use super::mcse::{mcse_mean, mcse_quantile, mcse_sd};
 use super::rhat::rhat;
 use super::tau::{tau, tau_error};
 use super::transform::{mean, sd, sorted};
+use super::transitions::transitions;
 use crate::chain::{Draws, ScalarDraws};
 use crate::files::stored;
 use crate::numeric::quantile;
@@ -183,6 +185,7 @@ pub fn diagnose(draws: &Draws, rule: &Rule) -> Verdict {
         .collect();
     reasons.extend(stuck(draws));
     reasons.extend(outside(draws));
+    reasons.extend(transitions(draws).into_iter().map(|fault| fault.figure));
     if draws.is_empty() {
         reasons.push("there are no draws".to_string());
     }
@@ -244,7 +247,13 @@ fn complaint(r: &Row, draws: &Draws, rule: &Rule) -> Option<String> {
         // something that never acted beside others that moved is no fault of the chains
         let moves = |x: &[f64]| draws.points().next().is_some_and(|first| first != x);
         let fixed = discrete && r.sd == 0.0 && draws.points().any(moves);
-        return (!fixed).then(|| format!("{}: constant, not finite, or too short", r.name));
+        let why = match draws.draws() >= FEWEST && r.sd > 0.0 {
+            true => {
+                "constant in every chain, and different between chains. If it is a setting and no unknown, leave the column out"
+            }
+            false => "constant, not finite, or too short",
+        };
+        return (!fixed).then(|| format!("{}: {why}", r.name));
     }
     // a quantile or a distance from the median that all draws of an indicator share has no figure
     let missing = |figure: f64| figure.is_nan() && !discrete;

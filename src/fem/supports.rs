@@ -113,17 +113,24 @@ impl Supports {
 }
 
 fn unheld(work: Vector3<f64>, free: Vector3<f64>) -> Error {
-    let what = match free.iamax() {
-        0 => "along direction 1",
-        1 => "along direction 2",
-        _ => "about its middle",
+    const HOLD: &str = "hold an edge (\"supports\": [{\"edge\": \"low\"}]), or let a second load pull the other way";
+    let (what, hint) = match free.iamax() {
+        0 => ("along direction 1", HOLD),
+        1 => ("along direction 2", HOLD),
+        _ => (
+            "about its middle",
+            "two shear forces are a couple, which the jaws of a shear rig carry and a part cut out of the specimen does not: mesh the specimen into the jaws, and hold one (\"supports\": [{\"edge\": \"left\"}])",
+        ),
     };
-    Error::input("mesh.supports", "supports for what the loads do not balance")
-        .found(format!(
-            "loads that move the specimen {what} ({:.3} of the force)",
-            work.dot(&free).abs()
-        ))
-        .hint("hold an edge (\"supports\": [{\"edge\": \"low\"}]), or let a second load pull the other way")
+    Error::input(
+        "mesh.supports",
+        "supports for what the loads do not balance",
+    )
+    .found(format!(
+        "loads that move the specimen {what} ({:.3} of the force)",
+        work.dot(&free).abs()
+    ))
+    .hint(hint)
 }
 
 /// Nodes of a named edge, each once, increasing.

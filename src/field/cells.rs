@@ -43,7 +43,7 @@ const NO_VALUE: &[(&str, &[&str])] = &[
 
 /// What separates the cells of a line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Delimiter {
+pub(crate) enum Delimiter {
     Sign(char),
     /// Any number of blanks and tabs.
     Blanks,
@@ -122,7 +122,7 @@ pub(super) fn is_no_value(cell: &str) -> bool {
 }
 
 /// The number in a cell, NaN for no value; an infinity is none. `comma` says that the decimal sign is a comma.
-pub(super) fn number(cell: &str, comma: bool) -> Option<f64> {
+pub(crate) fn number(cell: &str, comma: bool) -> Option<f64> {
     let finite = |text: &str| text.parse::<f64>().ok().filter(|v| v.is_finite());
     if cell.starts_with(|c: char| c.is_ascii_alphabetic()) || cell.is_empty() {
         return is_no_value(cell).then_some(f64::NAN);
@@ -159,7 +159,7 @@ pub(super) fn number(cell: &str, comma: bool) -> Option<f64> {
 }
 
 /// Whether a cell is a number with a comma in it, and whether that can only be its decimal sign: `1,234` may be either.
-pub(super) fn comma_in(cell: &str) -> Option<bool> {
+pub(crate) fn comma_in(cell: &str) -> Option<bool> {
     let (whole, rest) = cell.split_once(',')?;
     number(cell, true)?;
     let whole = whole.trim_start_matches(|c: char| !c.is_ascii_digit());

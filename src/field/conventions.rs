@@ -24,6 +24,9 @@ const SURE: f64 = 10.0;
 /// A shear so many times as large as both normal strains is none that a tension test makes.
 const SHEARED: f64 = 4.0;
 
+/// Of exchanged displacements the gradients across are those along and across a tension test: minus Poisson's ratio of one another.
+const POISSON: std::ops::Range<f64> = 0.05..0.6;
+
 /// A transverse strain of the sign of the axial one is odd beyond this share of it.
 const SWELLS: f64 = 0.05;
 
@@ -153,6 +156,11 @@ fn gradient(field: &Field) -> Option<([[f64; 2]; 2], f64)> {
     Some((fits.map(|f| [f[1], f[2]]), error))
 }
 
+/// The smaller of two numbers over the larger.
+fn of_one_another(a: f64, b: f64) -> f64 {
+    if a.abs() < b.abs() { a / b } else { b / a }
+}
+
 /// What is odd about a field in the data's own axes, each with what to change; `names` are the columns of y, ux, uy.
 pub fn odd(field: &Field, names: [&str; 3]) -> Vec<String> {
     let Some((slope, error)) = gradient(field) else {
@@ -169,10 +177,10 @@ pub fn odd(field: &Field, names: [&str; 3]) -> Vec<String> {
     let mut said = Vec::new();
     if shear.abs() > SURE * error
         && shear.abs() > SHEARED * more.abs()
-        && slope[0][1] * slope[1][0] < 0.0
+        && POISSON.contains(&of_one_another(-slope[0][1], slope[1][0]))
     {
         said.push(format!(
-            "the mean strains are x {:.1e}, y {:.1e} and shear {shear:.1e}: displacements exchanged? then write \"ux\": \"{uy}\", \"uy\": \"{ux}\"",
+            "the mean strains are x {:.1e}, y {:.1e} and shear {shear:.1e}. Of a shear test that is right. Of a tension test the displacements are exchanged: write \"ux\": \"{uy}\", \"uy\": \"{ux}\"",
             normal[0], normal[1]
         ));
     } else if less.abs() > SURE * error && less / more > SWELLS {

@@ -22,9 +22,8 @@ struct NamedArray {
 /// Of the input: a MATLAB file that is broken, or has no arrays of one size.
 pub(super) fn as_text(path: &Path, bytes: &[u8]) -> Result<Option<String>> {
     let wrong = |found: &str| {
-        Error::input(path.display(), "a MATLAB file with arrays of numbers").found(found).hint(
-        "structs are not read: in MATLAB save('field.mat', 'x', 'y', 'u', 'v', '-v7') with one array each; of Ncorr u = data_dic_save.displacements(1).plot_u_ref_formatted, v likewise",
-    )
+        let error = Error::input(path.display(), "a MATLAB file with arrays of numbers");
+        error.found(found).hint(STRUCTS)
     };
     let arrays = if bytes.starts_with(b"MATLAB 5.0") {
         let file = MatFile::parse(bytes).map_err(|e| wrong(&e.to_string()))?;
@@ -49,7 +48,7 @@ pub(super) fn as_text(path: &Path, bytes: &[u8]) -> Result<Option<String>> {
         .filter(|(_, v)| v.len() == rows)
         .collect();
     if columns.len() < 4 || rows < 2 {
-        return Err(wrong(&format!("{} arrays of one size", columns.len())));
+        return Err(too_few(path, &columns));
     }
     let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
     let mut text = names.join(",") + "\n";
@@ -65,6 +64,19 @@ pub(super) fn as_text(path: &Path, bytes: &[u8]) -> Result<Option<String>> {
         text.push('\n');
     }
     Ok(Some(text))
+}
+
+const STRUCTS: &str = "structs are not read: in MATLAB save('field.mat', 'x', 'y', 'u', 'v', '-v7') with one array each; of Ncorr u = data_dic_save.displacements(1).plot_u_ref_formatted, v likewise";
+
+/// There are not both places and displacements.
+fn too_few(path: &Path, columns: &[(String, Vec<f64>)]) -> Error {
+    let names: Vec<&str> = columns.iter().map(|(name, _)| name.as_str()).collect();
+    let error = Error::input(path.display(), "four arrays of one size, x, y, u and v");
+    if names.is_empty() {
+        return error.found("no array of numbers").hint(STRUCTS);
+    }
+    let hint = "the others are missing, or of another size. If the places x and y are: in MATLAB [x, y] = meshgrid(first:step:last, first:step:last), the centres of the subsets in pixels, of the size of u; then save('field.mat', 'x', 'y', 'u', 'v', '-v7'). Structs are not read";
+    error.found(names.join(", ")).hint(hint)
 }
 
 /// Arrays of few columns are split: places and displacements stand side by side in them.

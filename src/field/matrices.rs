@@ -11,8 +11,9 @@ use rayon::prelude::*;
 use super::frame::Frame;
 use super::grid::Grid;
 use super::measured::{FARTHEST_MM, Field};
-use super::reader::{ColumnMap, Reader, number, read_text, unwritable};
+use super::reader::{ColumnMap, Reader, number, unwritable};
 use super::table::drop_unmoved;
+use super::text;
 use crate::error::{Error, Result};
 use crate::quantity::UM_PER_MM;
 
@@ -193,7 +194,11 @@ fn assemble(x: &Matrix, y: &Matrix, u: &Matrix, v: &Matrix) -> Result<Grid> {
 
 /// Read one matrix; blank lines are skipped.
 fn read_matrix(path: &Path) -> Result<Matrix> {
-    let text = read_text(path)?;
+    let mut text = text::read_settings(path)?;
+    // without a point in the file a comma is the decimal sign
+    if text.contains(',') && !text.contains('.') {
+        text = text.replace(',', ".");
+    }
     let mut matrix = Matrix {
         path: path.to_owned(),
         cols: 0,
@@ -202,7 +207,7 @@ fn read_matrix(path: &Path) -> Result<Matrix> {
     };
     for (line, row) in text.lines().enumerate() {
         let start = matrix.values.len();
-        for (col, cell) in row.split_ascii_whitespace().enumerate() {
+        for (col, cell) in cells(row).enumerate() {
             let value = number(cell).ok_or_else(|| {
                 let error = Error::input(
                     format!("{}:{}, column {}", path.display(), line + 1, col + 1),
@@ -245,11 +250,17 @@ fn read_matrix(path: &Path) -> Result<Matrix> {
     Ok(matrix)
 }
 
+/// The cells of a text, between blanks or semicolons.
+fn cells(text: &str) -> impl DoubleEndedIterator<Item = &str> {
+    let parts = text.split(|c: char| c.is_ascii_whitespace() || c == ';');
+    parts.filter(|cell| !cell.is_empty())
+}
+
 /// The last number of a text whose last line does not end, if it has fewer decimals than all others.
 fn cut_number(text: &str) -> Option<&str> {
     let decimals = |cell: &str| cell.rsplit_once('.').map_or(0, |(_, tail)| tail.len());
     let is_measured = |cell: &&str| !cell.eq_ignore_ascii_case("nan");
-    let mut cells = text.split_ascii_whitespace().filter(is_measured);
+    let mut cells = cells(text).filter(is_measured);
     let last = cells.next_back().filter(|last| text.ends_with(last))?;
     let fewest = cells.map(decimals).min()?;
     (decimals(last) < fewest).then_some(last)

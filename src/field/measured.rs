@@ -41,6 +41,8 @@ pub struct Field {
     pub fringe_frequency_per_mm: Option<f64>,
     /// Side of the subsets of an image correlation, mm, where it is declared.
     pub subset_mm: Option<f64>,
+    /// Angle by which the plane of a stereo measurement's points was tilted, degrees; places and displacements are along its axes.
+    pub levelled_deg: Option<f64>,
     /// The files that were read, for the manifest's hashes.
     pub files: Vec<PathBuf>,
 }
@@ -115,6 +117,7 @@ impl Field {
             outlying: Vec::new(),
             fringe_frequency_per_mm: None,
             subset_mm: None,
+            levelled_deg: None,
             files: Vec::new(),
         }
     }

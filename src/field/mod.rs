@@ -5,7 +5,7 @@
 
 mod agreement;
 pub mod blocks;
-mod cells;
+pub(crate) mod cells;
 mod coincident;
 mod common;
 pub mod conventions;
@@ -16,6 +16,7 @@ pub mod frame;
 pub mod fringes;
 mod grid;
 mod heading;
+pub mod level;
 pub(crate) mod local;
 pub mod mask;
 mod matlab;
@@ -27,9 +28,11 @@ pub mod programs;
 mod reader;
 pub mod rigid;
 mod row;
+mod rows;
 pub mod series;
 mod sheet;
 pub mod spec;
+mod stated;
 pub mod step;
 pub mod table;
 mod text;

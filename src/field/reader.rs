@@ -1,6 +1,5 @@
 //! What a format of measured fields has to offer, and how text files are read.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
@@ -76,7 +75,8 @@ pub struct Columns {
     /// The displacement along y.
     pub uy: String,
     /// Standard deviation of a displacement, as the program that correlated the images states it. Where it is not above 0
-    /// the correlation failed (VIC and DICe write -1), and the point is dropped; a column that is 0 everywhere says nothing.
+    /// the correlation failed (VIC and DICe write -1), and the point is dropped; a column that is 0 everywhere says nothing, and a 0 beside a
+    /// good correlation was rounded.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<String>,
     /// Correlation coefficient, 1 for a perfect match (ZNCC). Points below [`LEAST_CORRELATION`] are dropped.
@@ -195,29 +195,6 @@ impl Units {
             unit => Ok(Some(Length::parse("units.sigma", unit)?.in_mm())),
         }
     }
-}
-
-/// The text of a file, without a byte order mark.
-///
-/// # Errors
-/// Of the input: a file that cannot be read or is not UTF-8 (with the line of the first bad byte).
-pub(super) fn read_text(path: &Path) -> Result<String> {
-    let bytes = fs::read(path).map_err(|e| unreadable(path, &e))?;
-    let mut text = String::from_utf8(bytes).map_err(|e| {
-        let good = e.utf8_error().valid_up_to();
-        let bytes = e.as_bytes();
-        let line = 1 + bytes[..good].iter().filter(|b| **b == b'\n').count();
-        Error::input(format!("{}:{line}", path.display()), "text in UTF-8")
-            .found(format!(
-                "byte 0x{:02x}",
-                bytes.get(good).copied().unwrap_or(0)
-            ))
-            .hint("save the file as plain UTF-8 text")
-    })?;
-    if text.starts_with('\u{feff}') {
-        text.remove(0);
-    }
-    Ok(text)
 }
 
 /// A file of a measurement that cannot be read.

@@ -18,6 +18,8 @@ pub(super) struct CsvRow<'a> {
     /// The same of the standard deviation; without a unit it tells failed points alone.
     sigma: Option<(usize, &'a str, Option<f64>)>,
     correlation: Option<(usize, &'a str)>,
+    /// Index and mm a unit of the coordinate and the displacement out of the plane, where a program's table has both.
+    out_of_plane: Option<[(usize, f64); 2]>,
     /// Whether the places are those of the deformed state.
     deformed: bool,
     /// Whether the decimal sign is a comma.
@@ -32,12 +34,27 @@ pub(super) enum Point {
     Failed,
     /// The correlation coefficient is below [`LEAST_CORRELATION`].
     Faint,
-    /// Place, displacement, in mm along x and y, and standard deviation, mm.
-    Measured {
-        at: [f64; 2],
-        u: [f64; 2],
-        sigma: f64,
-    },
+    Measured(MeasuredRow),
+}
+
+/// What a row says of a point that was measured.
+pub(super) struct MeasuredRow {
+    /// Place and displacement, mm along x and y.
+    pub at: [f64; 2],
+    pub u: [f64; 2],
+    /// Coordinate and displacement out of the plane, mm; NaN without.
+    pub out_of_plane: [f64; 2],
+    /// Standard deviation, mm.
+    pub sigma: f64,
+    /// Unit of the last decimal of a standard deviation that is written as 0, mm: it is below.
+    pub zero_below: Option<f64>,
+}
+
+impl MeasuredRow {
+    /// A row of zeros, as programs write where they filled none.
+    pub fn is_unfilled(&self) -> bool {
+        [self.at, self.u] == [[0.0; 2]; 2]
+    }
 }
 
 impl<'a> CsvRow<'a> {
@@ -66,7 +83,12 @@ impl<'a> CsvRow<'a> {
             None => None,
         };
         let correlation = columns.correlation.as_deref();
+        let out_of_plane = sheet.out_of_plane(columns).and_then(|names| {
+            let at = |name: &String| sheet.names.iter().position(|n| n == name);
+            Some([(at(&names[0])?, coordinate), (at(&names[1])?, displacement)])
+        });
         Ok(Self {
+            out_of_plane,
             lengths: [
                 length("x", &columns.x, coordinate)?,
                 length("y", &columns.y, coordinate)?,
@@ -80,6 +102,11 @@ impl<'a> CsvRow<'a> {
             deformed: columns.deformed,
             comma: sheet.comma,
         })
+    }
+
+    /// Whether a coefficient tells the points that did not correlate.
+    pub fn has_correlation(&self) -> bool {
+        self.correlation.is_some()
     }
 
     /// Whether the standard deviations are lengths.
@@ -124,10 +151,11 @@ impl<'a> CsvRow<'a> {
                 .hint("percent, or another measure? leave columns.correlation out, or export the coefficient"));
         }
         let [x, y, ux, uy] = values;
-        let at = if self.deformed {
-            [x - ux, y - uy]
+        let [z, uz] = self.beside(cells);
+        let (at, z) = if self.deformed {
+            ([x - ux, y - uy], z - uz)
         } else {
-            [x, y]
+            ([x, y], z)
         };
         Ok(if values.iter().any(|v| v.is_nan()) {
             Point::Missing
@@ -137,12 +165,29 @@ impl<'a> CsvRow<'a> {
         } else if correlation < LEAST_CORRELATION {
             Point::Faint
         } else {
-            Point::Measured {
+            Point::Measured(MeasuredRow {
                 at,
                 u: [ux, uy],
+                out_of_plane: [z, uz],
                 sigma,
-            }
+                zero_below: self.zero_below(sigma, cells),
+            })
         })
+    }
+
+    /// The coordinate and the displacement out of the plane, mm; NaN without.
+    fn beside(&self, cells: &[&str]) -> [f64; 2] {
+        let of = |(index, scale): (usize, f64)| {
+            let cell = cells.get(index).copied().unwrap_or("");
+            scale * number(cell, self.comma).unwrap_or(f64::NAN)
+        };
+        self.out_of_plane.map_or([f64::NAN; 2], |both| both.map(of))
+    }
+
+    /// Below what a standard deviation is that is written as 0, mm.
+    fn zero_below(&self, sigma: f64, cells: &[&str]) -> Option<f64> {
+        let (index, _, scale) = self.sigma.filter(|_| sigma == 0.0)?;
+        Some(scale.unwrap_or(1.0) * last_decimal(cells.get(index)?)?)
     }
 
     fn not_a_number(&self, place: String, cell: &str) -> Error {
@@ -152,6 +197,13 @@ impl<'a> CsvRow<'a> {
         }
         error.hint("leave the cell empty where nothing was measured, or take the column out of measurement.columns")
     }
+}
+
+/// The unit of the last decimal of a number that is written without an exponent.
+fn last_decimal(cell: &str) -> Option<f64> {
+    let (_, decimals) = cell.split_once(['.', ','])?;
+    let plain = decimals.bytes().all(|b| b.is_ascii_digit());
+    plain.then(|| 10_f64.powi(-(decimals.len() as i32)))
 }
 
 /// The column called `name`, which must be there once.

@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 
 use super::cells::{Delimiter, bare, column_name, comma_in, is_no_value, number};
 use super::heading::{self, FoundHeader, begins};
-use super::programs::unit_of;
+use super::programs::{matching, unit_of};
+use super::reader::Columns;
 use super::text;
 use crate::error::{Error, Result};
 
@@ -93,6 +94,16 @@ impl Sheet {
     /// The lines before the header.
     pub fn preamble(&self) -> impl Iterator<Item = &str> {
         self.text.lines().take(self.line - 1)
+    }
+
+    /// Names of the coordinate and the displacement out of the plane, if these columns are a program's that writes both.
+    pub fn out_of_plane(&self, columns: &Columns) -> Option<[String; 2]> {
+        let preamble = self.preamble().collect::<Vec<_>>().join("\n");
+        let found = matching(&self.names, self.units.as_deref(), &preamble)?;
+        let Columns { x, y, ux, uy, .. } = columns;
+        let declared = [x, y, ux, uy].map(|name| name.trim_start_matches('-'));
+        let [z, uz] = found.out_of_plane;
+        (found.columns == declared).then_some([z?, uz?])
     }
 
     fn lines(&self) -> impl Iterator<Item = (usize, &str)> {

@@ -1,22 +1,22 @@
 //! A table with named columns, as programs for digital image correlation export it: found in its file by `super::sheet`, failed points
 //! have empty cells or words for no value.
 
-use std::collections::HashMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use rstar::RTree;
 use rstar::primitives::GeomWithData;
 
-use super::cells::number;
 use super::frame::Frame;
 use super::grid::Grid;
+use super::level::{TiltedPlane, WORTH_A_WORD_DEG};
 use super::measured::{Field, Reason, Rejected};
-use super::programs::{MatchedColumns, matching, newtons};
+use super::programs::{MatchedColumns, matching};
 use super::reader::{ColumnMap, Columns, LEAST_CORRELATION, Reader, Units, unwritable};
-use super::row::{CsvRow, Point};
+use super::row::{CsvRow, MeasuredRow, Point};
+use super::rows::TableRows;
 use super::sheet::Sheet;
-use super::text;
+pub use super::stated::{stated_force, stated_time};
 use crate::error::{Error, Result};
 use crate::numeric::median;
 use crate::quantity::UM_PER_MM;
@@ -99,62 +99,108 @@ pub fn read_said(path: &Path, map: &ColumnMap, frame: Frame) -> Result<(Field, V
         files: vec![path.to_owned()],
         ..Field::empty(frame)
     };
-    let mut sigmas = Vec::new();
+    let mut rows = TableRows::default();
     let (mut faint, mut of_zeros) = (0, 0);
-    let mut known = KnownColumns::default();
     let said = sheet.rows(&mut |line, cells| {
-        let place = |line| format!("{}:{line}", path.display());
-        match row.point(cells, &|| place(line))? {
+        let place = || format!("{}:{line}", path.display());
+        match row.point(cells, &place)? {
             Point::Missing => field.rejected.missing += 1,
             Point::Failed => field.rejected.uncorrelated += 1,
             Point::Faint => faint += 1,
-            Point::Measured { at, u, .. } if [at, u] == [[0.0; 2]; 2] && of_zeros > 0 => {
-                of_zeros += 1
-            }
-            Point::Measured { at, u, .. } if known.has(at, (u, line), &place)? => {
-                field.rejected.repeated += 1;
-            }
-            Point::Measured { at, u, sigma } => {
-                of_zeros += usize::from([at, u] == [[0.0; 2]; 2]);
-                field.points.push(frame.point(at));
-                field.displacement.push(frame.vector(u));
-                sigmas.push(sigma);
+            Point::Measured(row) => {
+                of_zeros += usize::from(row.is_unfilled());
+                if !row.is_unfilled() || of_zeros == 1 {
+                    rows.add(row, line);
+                }
             }
         }
         Ok(())
     })?;
-    let mut remarks = sheet.remarks;
+    let mut remarks = sheet.remarks.clone();
     remarks.extend(said);
     if of_zeros > 1 {
         // a point is measured once: these are rows that a program did not fill
-        let is_kept: Vec<bool> = std::iter::zip(&field.points, &field.displacement)
-            .map(|(p, u)| *p != [0.0; 2] || *u != [0.0; 2])
-            .collect();
-        let mut of_points = is_kept.iter().copied();
-        sigmas.retain(|_| of_points.next().unwrap_or(true));
-        let one = field.retain(Reason::Uncorrelated, |i| is_kept[i]);
-        field.rejected.uncorrelated += of_zeros - one;
+        rows.drop_unfilled();
+        field.rejected.uncorrelated += of_zeros;
         remarks.push(format!(
             "{of_zeros} rows of zeros alone are not measured: dropped"
         ));
     }
-    remarks.extend(take_sigmas(&mut field, sigmas, row.keeps_sigma()));
+    field.rejected.repeated = rows.again;
+    remarks.extend(rows.settle(path, &mut field.rejected.repeated)?);
+    let z = sheet.out_of_plane(&map.columns).map(|[z, _]| z);
+    remarks.extend(take_points(&mut field, &rows, z.as_deref())?);
+    remarks.extend(take_sigmas(&mut field, &rows.all, &row));
     remarks.extend(drop_unmoved(&mut field));
     field.rejected.uncorrelated += faint;
     check_measured(path, map, &field, faint)?;
     Ok((field, remarks))
 }
 
-/// Points whose standard deviation is 0 were not correlated, unless that of all points is: then it says nothing.
-fn take_sigmas(field: &mut Field, sigmas: Vec<f64>, keeps: bool) -> Option<String> {
-    if sigmas.iter().all(|s| *s == 0.0) {
-        return (!sigmas.is_empty())
+/// The rows as points of the field, along the axes of their plane where the table has `z` and all points a place and a displacement
+/// along it. What is said of that.
+///
+/// # Errors
+/// Of the input: a plane that no camera sees.
+fn take_points(field: &mut Field, rows: &TableRows, z: Option<&str>) -> Result<Option<String>> {
+    let plane = z.and_then(|z| Some((rows.plane()?, z)));
+    for row in &rows.all {
+        let ([x, y], [u, v], [z, w]) = (row.at, row.u, row.out_of_plane);
+        let level = |(plane, _): &(TiltedPlane, &str)| plane.level([x, y, z], [u, v, w]);
+        let (at, u) = plane.as_ref().map_or((row.at, row.u), level);
+        field.points.push(field.frame.point(at));
+        field.displacement.push(field.frame.vector(u));
+    }
+    let Some((plane, z)) = plane else {
+        return Ok(None);
+    };
+    plane.check(&field.place(), z)?;
+    field.levelled_deg = Some(plane.angle_deg());
+    let said = plane.said(z);
+    let said = format!("{said}: places and displacements are taken along its axes");
+    Ok((plane.angle_deg() > WORTH_A_WORD_DEG).then_some(said))
+}
+
+/// Standard deviations reach down to 0 where the least is below this share of the typical one.
+const NEAR_0: f64 = 0.25;
+
+/// Points whose standard deviation is 0 were not correlated, unless that of all points is: then it says nothing. Beside a coefficient that
+/// is good it was rounded to 0, and is half of the least other, where no other is below its last decimal or others come near to 0.
+fn take_sigmas(field: &mut Field, rows: &[MeasuredRow], row: &CsvRow) -> Option<String> {
+    let above = rows.iter().map(|row| row.sigma).filter(|s| *s > 0.0);
+    let least = above.clone().fold(f64::INFINITY, f64::min);
+    if least.is_infinite() {
+        return (!rows.is_empty())
             .then(|| "sigma is 0 everywhere: it says nothing and is not used".into());
     }
+    let mut above: Vec<f64> = above.collect();
+    let near_0 = least < NEAR_0 * median(&mut above);
+    let rounded = |of: &MeasuredRow| {
+        let is_good = row.has_correlation() && of.u != [0.0; 2];
+        let below = of
+            .zero_below
+            .is_some_and(|unit| unit <= least * (1.0 + 1e-9));
+        of.sigma == 0.0 && is_good && (below || near_0)
+    };
+    let sigma = |of: &MeasuredRow| if rounded(of) { 0.5 * least } else { of.sigma };
+    let sigmas: Vec<f64> = rows.iter().map(sigma).collect();
+    let count = rows.iter().filter(|of| rounded(of)).count();
     let is_kept: Vec<bool> = sigmas.iter().map(|s| *s > 0.0).collect();
-    field.sigma = keeps.then_some(sigmas);
-    field.retain(Reason::Uncorrelated, |i| is_kept[i]);
-    None
+    field.sigma = row.keeps_sigma().then_some(sigmas);
+    let dropped = field.retain(Reason::Uncorrelated, |i| is_kept[i]);
+    let said = [
+        (
+            count,
+            "with sigma 0 and a good correlation are kept: sigma was rounded to 0",
+        ),
+        (
+            dropped,
+            "with sigma 0 are taken for not correlated: dropped",
+        ),
+    ];
+    let said = said.iter().filter(|(n, _)| *n > 0);
+    let said: Vec<String> = said.map(|(n, what)| format!("{n} points {what}")).collect();
+    (!said.is_empty()).then(|| said.join("; "))
 }
 
 /// Programs write zeros, or another number, where they correlated nothing: points with both displacements exactly this number that lie
@@ -218,33 +264,6 @@ fn filled_with(displacement: &[[f64; 2]]) -> [f64; 2] {
     let all = displacement.as_flattened();
     let is_largest = |fill: &f64| all.iter().all(|u| u.abs() <= fill.abs());
     [most.map_or(0.0, |same| same[0]); 2].map(|fill| if is_largest(&fill) { fill } else { 0.0 })
-}
-
-/// The points of a table so far, by the bits of their coordinates: what was measured there, and in which line.
-#[derive(Default)]
-struct KnownColumns(HashMap<[u64; 2], ([f64; 2], usize)>);
-
-impl KnownColumns {
-    /// Whether a row at some line of the file stands in the table already.
-    ///
-    /// # Errors
-    /// The input's fault: another displacement at the same point.
-    fn has(
-        &mut self,
-        at: [f64; 2],
-        (u, line): ([f64; 2], usize),
-        place: &dyn Fn(usize) -> String,
-    ) -> Result<bool> {
-        // 0 is added to make one of both zeros
-        let key = at.map(|x| (x + 0.0).to_bits());
-        let (same, first) = *self.0.entry(key).or_insert((u, line));
-        if same != u {
-            return Err(Error::input(place(line), "one displacement of every point")
-                .found(format!("another one of the point of {}", place(first)))
-                .hint("are these two steps, or two regions that overlap, in one file? give each step a file of its own, and export each point once"));
-        }
-        Ok(first != line)
-    }
 }
 
 /// Something was measured, and little of it is `faint`.
@@ -323,37 +342,4 @@ pub fn described(path: &Path, named: &[&str]) -> Result<TableHeader> {
         names: sheet.names,
         units: sheet.units,
     })
-}
-
-/// The force that the lines before the numbers of a table state (ARAMIS: `# force : 15000`), N; without a unit it is
-/// taken for newtons.
-///
-/// # Errors
-/// Of the input: a missing or non-text file.
-pub fn stated_force(path: &Path) -> Result<Option<f64>> {
-    let (text, _) = text::read(path)?;
-    let number = |line: &&str| line.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c));
-    let lines = text.lines().map(str::trim).filter(|l| !l.is_empty());
-    let mut before = lines.take_while(|line| !number(line));
-    Ok(before.find_map(|line| force_in(line.trim_start_matches(['#', '%', '*', ' ']))))
-}
-
-/// The force of a line `force [kN] : 1.5`, `Force = 1500 N`, `force : value_element : 1500`.
-fn force_in(line: &str) -> Option<f64> {
-    const WORDS: [&str; 3] = ["force", "load", "kraft"];
-    let line = line.to_lowercase();
-    let (key, value) = line.split_once([':', '=', ';', ',', '\t'])?;
-    let value = value.rsplit_once(':').map_or(value, |(_, value)| value);
-    let words = |text: &str| -> Vec<String> {
-        let words = text.split(|c: char| c.is_whitespace() || "[]()_;\"".contains(c));
-        words.filter(|w| !w.is_empty()).map(String::from).collect()
-    };
-    let (key, value) = (words(key), words(value));
-    if !WORDS.contains(&key.first()?.as_str()) {
-        return None;
-    }
-    let size = number(value.first()?, false).filter(|f| f.is_finite())?;
-    let units = key[1..].iter().chain(&value[1..]);
-    let factors: Option<Vec<f64>> = units.map(|unit| Some(newtons(unit)?.1)).collect();
-    Some(size * factors?.first().unwrap_or(&1.0))
 }

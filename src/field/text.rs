@@ -5,10 +5,10 @@ use std::path::Path;
 
 use encoding_rs::{Encoding, UTF_16BE, UTF_16LE, WINDOWS_1252};
 
-use super::matlab;
 use super::reader::unreadable;
+use super::{matlab, programs};
 use crate::error::{Error, Result};
-use crate::files::in_place_of;
+use crate::files::{in_place_of, is_hierarchical};
 
 /// Bytes that Windows-1252 does not have.
 const UNDEFINED: [u8; 5] = [0x81, 0x8d, 0x8f, 0x90, 0x9d];
@@ -28,7 +28,10 @@ pub(super) fn read(path: &Path) -> Result<(String, Option<&'static str>)> {
             "a table of text, or a .mat file of MATLAB 4 to 7",
         )
         .found(what)
-        .hint(hint));
+        .hint(match is_hierarchical(&bytes) {
+            true => format!("{}; of MATLAB save with '-v7'", programs::as_text()),
+            false => hint.into(),
+        }));
     }
     if let Some(text) = matlab::as_text(path, &bytes)? {
         return Ok((text, Some("MATLAB arrays")));
@@ -53,6 +56,15 @@ pub(super) fn read(path: &Path) -> Result<(String, Option<&'static str>)> {
 /// Of the input: a file that is no text.
 pub fn of_settings(path: &Path, bytes: &[u8]) -> Result<String> {
     Ok(decoded(path, bytes)?.0)
+}
+
+/// The same of a file that is still to be read.
+///
+/// # Errors
+/// Of the input: a file that cannot be read or is no text.
+pub(in crate::field) fn read_settings(path: &Path) -> Result<String> {
+    let bytes = fs::read(path).map_err(|e| unreadable(path, &e))?;
+    of_settings(path, &bytes)
 }
 
 fn decoded(path: &Path, bytes: &[u8]) -> Result<(String, Option<&'static str>)> {

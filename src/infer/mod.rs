@@ -15,7 +15,6 @@ mod simulated;
 mod steps;
 mod supplied;
 mod tension;
-mod version1;
 
 pub use design_box::{drawn_in, may_have_side, prior_box};
 pub use effect_under_law::{Amplitude, EffectUnderLaw};

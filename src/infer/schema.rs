@@ -7,7 +7,6 @@ use serde_json::value::RawValue;
 use serde_json::{Map, Value};
 
 use super::prior::{Marginal, PriorSpec};
-use super::version1;
 use crate::effect::{Effect, amplitude_name, force_scale};
 use crate::error::{Error, Result};
 use crate::experiment::{ExperimentKind, ExperimentSpec, check_name};
@@ -15,7 +14,7 @@ use crate::files::{parse_json, parse_json_within, unique};
 use crate::laminate::{Material, MeanSd};
 use crate::reduce::ReducedSpec;
 
-/// The schema that this program writes. It reads `version1::SCHEMA` too.
+/// The schema of a model file.
 pub const SCHEMA: &str = "plychain-model/2";
 
 /// What a model file says of a field and its material.
@@ -123,7 +122,7 @@ pub struct ExperimentEntry {
 /// A file of version 2. Unknown keys are errors.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct FileVersion2<'a> {
+struct OutlineFile<'a> {
     #[serde(rename = "schema")]
     _schema: String,
     name: String,
@@ -148,7 +147,7 @@ struct LoadCell {
     sd_percent: f64,
 }
 
-impl FileVersion2<'_> {
+impl OutlineFile<'_> {
     /// The entry with what it names put in its place: a specimen, a load cell, the specimen and the load `of` another experiment. None of an
     /// entry that names nothing.
     fn resolved(&self, raw: &RawValue, key: &str) -> Result<Option<String>> {
@@ -193,16 +192,6 @@ impl FileVersion2<'_> {
 }
 
 impl ExperimentEntry {
-    /// The one experiment of a file whose keys are its own.
-    pub(super) fn alone(json: String, place: &str) -> Self {
-        Self {
-            json,
-            start: [0; 2],
-            key: String::new(),
-            place: place.into(),
-        }
-    }
-
     /// What the entry says of its kind; nothing where it says nothing.
     pub fn kind(&self) -> String {
         #[derive(Deserialize)]
@@ -228,19 +217,16 @@ impl ExperimentEntry {
 
     /// An error of a key of this entry, with the key and the file put before it.
     pub fn refuse(&self, error: Error) -> Error {
-        let error = match self.key.as_str() {
-            "" => error,
-            key => error.below(format!("{key}.")),
-        };
-        error.within(&self.place)
+        let key = &self.key;
+        error.below(format!("{key}.")).within(&self.place)
     }
 }
 
 impl ModelOutline {
-    /// Read the text of a model file of either version; `place` is the file.
+    /// Read the text of a model file; `place` is the file.
     ///
     /// # Errors
-    /// The input's fault, with the line or the key as the file's own version has it.
+    /// The input's fault, with the line or the key.
     pub fn read(text: &str, place: &str) -> Result<Self> {
         #[derive(Deserialize)]
         struct Header {
@@ -248,16 +234,20 @@ impl ModelOutline {
         }
         // Text that is no JSON is left to the parser of the whole file, whose error knows the key.
         let header: Option<Header> = serde_json::from_str(text).ok();
-        let (outline, below) = match header.and_then(|h| h.schema).as_deref() {
-            Some(version1::SCHEMA) => (version1::parse(text, place)?, ""),
-            None | Some(SCHEMA) => (Self::of_version2(text, place)?, "material."),
-            Some(other) => {
-                let expected = format!("\"{SCHEMA}\", or \"{}\"", version1::SCHEMA);
-                return Err(Error::input(format!("{place}: schema"), expected).found(other));
-            }
-        };
+        let schema = header.and_then(|h| h.schema);
+        if let Some(other) = schema.filter(|schema| schema != SCHEMA) {
+            return Err(Error::input(format!("{place}: schema"), format!("\"{SCHEMA}\""))
+                .found(other)
+                .hint("a file of another version: write a new one with `plychain init`, and copy the values"));
+        }
+        let outline = Self::of_text(text, place)?;
         let checked = check_name(&outline.name, "run folders")
-            .and_then(|()| outline.material.validate().map_err(|e| e.below(below)))
+            .and_then(|()| {
+                outline
+                    .material
+                    .validate()
+                    .map_err(|e| e.below("material."))
+            })
             .and_then(|()| outline.likelihood.map_or(Ok(()), |l| l.validate()))
             .and_then(|()| {
                 outline
@@ -269,15 +259,17 @@ impl ModelOutline {
         Ok(outline)
     }
 
-    fn of_version2(text: &str, place: &str) -> Result<Self> {
-        let file: FileVersion2<'_> = parse_json(text, place)?;
+    fn of_text(text: &str, place: &str) -> Result<Self> {
+        let file: OutlineFile<'_> = parse_json(text, place)?;
         let entry = |(k, raw): (usize, &&RawValue)| {
             let key = format!("experiments[{k}]");
             let resolved = file.resolved(raw, &key).map_err(|e| e.within(place))?;
             if let Some(json) = resolved {
                 return Ok(ExperimentEntry {
+                    json,
+                    start: [0; 2],
                     key,
-                    ..ExperimentEntry::alone(json, place)
+                    place: place.into(),
                 });
             }
             let before = &text[..raw.get().as_ptr() as usize - text.as_ptr() as usize];

@@ -73,6 +73,12 @@ fn groups_of_nuts_rs_are_read() {
         5,
         &|_, d| (-(d as f64)).to_le_bytes().to_vec(),
     );
+    array(
+        &store.join("sample_stats/diverging"),
+        ("bool", &[2, 5]),
+        5,
+        &|_, d| vec![u8::from(d == 4)],
+    );
     // a coordinate has no draws
     let coordinate = posterior.join("draw");
     fs::create_dir_all(&coordinate).unwrap();
@@ -89,6 +95,8 @@ fn groups_of_nuts_rs_are_read() {
     assert_eq!(draws.point(1, 4), [-1.0, 104.0, 104.0, 104.25, 104.5]);
     assert_eq!(draws.lp()[..5], [0.0, -1.0, -2.0, -3.0, -4.0]);
     assert!(draws.info.remarks[0].contains("warm-up"));
+    assert_eq!(draws.info.columns[0].0, "divergent__");
+    assert_eq!(draws.info.columns[0].1[..5], [0.0, 0.0, 0.0, 0.0, 1.0]);
     // packed numbers are unpacked; draws that stand before chains are not left out
     let meta = posterior.join("mu/zarr.json");
     let plain = fs::read_to_string(&meta).unwrap();

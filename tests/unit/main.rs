@@ -20,6 +20,7 @@ mod layering;
 #[cfg(target_os = "linux")]
 mod measures;
 mod memory;
+mod mesh_files;
 mod model;
 mod patches;
 mod phase;

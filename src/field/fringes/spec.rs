@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::field::frame::Axis;
-use crate::field::reader::read_text;
+use crate::field::text::read_settings;
 use crate::files;
 
 /// Name of the schema.
@@ -115,7 +115,7 @@ impl FringeImages {
     /// Of the input: a file that cannot be read, a key that is wrong, a value that nothing can have.
     pub fn load(path: &Path) -> Result<Self> {
         let file = path.display().to_string();
-        let spec: Self = files::parse_json(&read_text(path)?, &file)?;
+        let spec: Self = files::parse_json(&read_settings(path)?, &file)?;
         spec.check().map_err(|e| e.within(&file))?;
         Ok(spec)
     }

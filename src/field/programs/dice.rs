@@ -1,12 +1,12 @@
 //! DICe: pixels, y downwards; stereo beside them in the unit of its calibration. SIGMA and MATCH are -1 where the correlation failed.
 
 use super::program::Habit::Of;
-use super::program::{Program, columns};
+use super::program::{COLUMNS_ONLY, Program, columns, stereo};
 use crate::field::reader::PIXEL;
 
 pub const PROGRAM: Program = Program {
     exports: &[
-        columns(
+        stereo(
             "DICe (calibrated)",
             [
                 "MODEL_COORDINATES_X",
@@ -15,6 +15,7 @@ pub const PROGRAM: Program = Program {
                 "MODEL_DISPLACEMENT_Y",
             ],
             Of("mm"),
+            ["MODEL_COORDINATES_Z", "MODEL_DISPLACEMENT_Z"],
         ),
         columns(
             "DICe",
@@ -33,4 +34,6 @@ pub const PROGRAM: Program = Program {
     step_px: Some("step size"),
     picture: Some("deformed image"),
     mark: Some("digital image correlation engine"),
+    as_text: Some("of DICe give DICe_solution_N.txt"),
+    ..COLUMNS_ONLY
 };

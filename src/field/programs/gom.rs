@@ -1,7 +1,7 @@
 //! GOM and ZEISS (Correlate, INSPECT, ARAMIS). The tables of GOM hold deformed places, x + displacement; node maps hold both apart.
 
 use super::program::Habit::{Asked, Of};
-use super::program::{COLUMNS_ONLY, ExportColumns, Program, columns};
+use super::program::{COLUMNS_ONLY, ExportColumns, Program, columns, stereo};
 
 const fn deformed(names: [&'static str; 4]) -> ExportColumns {
     ExportColumns {
@@ -12,14 +12,19 @@ const fn deformed(names: [&'static str; 4]) -> ExportColumns {
 
 pub const PROGRAM: Program = Program {
     exports: &[
-        columns(
+        stereo(
             "ARAMIS / GOM (nodemap export)",
             ["x_undef", "y_undef", "u", "v"],
             Of("mm"),
+            ["z_undef", "w"],
         ),
-        deformed(["x", "y", "displacement_x", "displacement_y"]),
+        ExportColumns {
+            out_of_plane: ["z", "displacement_z"],
+            ..deformed(["x", "y", "displacement_x", "displacement_y"])
+        },
         ExportColumns {
             also: &["z"],
+            out_of_plane: ["z", "dz"],
             ..deformed(["x", "y", "dx", "dy"])
         },
         // any program may call them so

@@ -5,6 +5,7 @@ mod crackpy;
 mod davis;
 mod dice;
 mod gom;
+mod istra4d;
 mod matchid;
 mod ncorr;
 mod opencorr;
@@ -18,7 +19,7 @@ mod vic2d;
 mod vic3d;
 
 pub use program::{ExportColumns, Habit, Program};
-pub use units::{FORCE_UNITS, newtons, split, unit_of};
+pub use units::{FORCE_UNITS, in_name, newtons, seconds, split, unit_of};
 
 use super::reader::PIXEL;
 
@@ -29,6 +30,7 @@ pub const PROGRAMS: &[&Program] = &[
     &vic3d::PROGRAM,
     &matchid::PROGRAM,
     &dice::PROGRAM,
+    &istra4d::PROGRAM,
     &opencorr::PROGRAM,
     &pyaldic::PROGRAM,
     &sundic::PROGRAM,
@@ -80,6 +82,8 @@ pub struct MatchedColumns {
     pub columns: [String; 4],
     /// Units of the coordinates and of the displacements.
     pub units: [FoundUnit; 2],
+    /// The coordinate and the displacement out of the plane, if the table has them in the unit of the others.
+    pub out_of_plane: [Option<String>; 2],
     /// Whether the program gives places in the deformed state.
     pub deformed: bool,
 }
@@ -106,7 +110,7 @@ pub fn matching(
         .collect();
     let no_unit_known = row.is_some_and(|units| units.iter().all(Option::is_none));
     let stated = units::before(preamble).or(no_unit_known.then_some(None));
-    let mut best: Option<([usize; 4], MatchedColumns)> = None;
+    let mut best: Option<([usize; 5], MatchedColumns)> = None;
     let lower = preamble.to_lowercase();
     for program in PROGRAMS {
         let marked = program.mark.is_some_and(|mark| lower.contains(mark));
@@ -141,7 +145,7 @@ impl ExportColumns {
         header: &[NamedColumn],
         program: &'static Program,
         stated: Option<Option<&'static str>>,
-    ) -> Option<([usize; 4], MatchedColumns)> {
+    ) -> Option<([usize; 5], MatchedColumns)> {
         let has = |name: &&str| header.iter().any(|c| c.stem.eq_ignore_ascii_case(name));
         // beside vx and vy they are gradients
         let gradients = self.names.contains(&"ux") && has(&"vx") && has(&"vy");
@@ -183,11 +187,19 @@ impl ExportColumns {
             return None;
         }
         let rank = units[0].rank().min(units[1].rank());
+        let third = |k: usize| {
+            let name = &self.out_of_plane[k];
+            let found = column(name).filter(|_| !name.is_empty())?;
+            (found.unit == [x, ux][k].unit).then(|| found.name.clone())
+        };
+        let out_of_plane = [third(0), third(1)];
+        let thirds = out_of_plane.iter().flatten().count();
         let found = MatchedColumns {
             program,
             label: self.label,
             columns: [x, y, ux, uy].map(|c| c.name.clone()),
             units,
+            out_of_plane,
             deformed: self.deformed,
         };
         Some((
@@ -196,10 +208,37 @@ impl ExportColumns {
                 self.also.len(),
                 usize::from(as_spelled),
                 units[0].rank() + units[1].rank(),
+                thirds,
             ],
             found,
         ))
     }
+}
+
+/// The first of the columns whose name is one of `words`, which are in small letters and without units.
+pub fn named<'a>(header: &'a [String], words: &[&str]) -> Option<&'a String> {
+    let stem = |name: &String| split(name).0.to_lowercase();
+    words
+        .iter()
+        .find_map(|word| header.iter().find(|h| stem(h) == *word))
+}
+
+/// Words of all programs: what one writes another may have learned.
+pub fn all_words(of: fn(&Program) -> &'static [&'static str]) -> Vec<&'static str> {
+    PROGRAMS.iter().flat_map(|p| of(p)).copied().collect()
+}
+
+/// Names of displacements out of the plane, of all programs.
+pub fn out_of_plane() -> Vec<String> {
+    let exports = PROGRAMS.iter().flat_map(|p| p.exports);
+    let names = exports.map(|e| e.out_of_plane[1].to_lowercase());
+    names.filter(|name| !name.is_empty()).collect()
+}
+
+/// How to get tables of text out of programs that also write files of bytes.
+pub fn as_text() -> String {
+    let known: Vec<&str> = PROGRAMS.iter().filter_map(|p| p.as_text).collect();
+    known.join("; ")
 }
 
 /// What a line before a table says after some words: `# Subset size: 27`.

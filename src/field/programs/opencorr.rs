@@ -1,28 +1,27 @@
 //! OpenCorr: pixels, y downwards; stereo with reference places in the unit of the calibration.
 
 use super::program::Habit::Of;
-use super::program::{COLUMNS_ONLY, ExportColumns, Program};
+use super::program::{COLUMNS_ONLY, ExportColumns, Program, columns, stereo};
 use crate::field::reader::PIXEL;
 
 pub const PROGRAM: Program = Program {
     exports: &[
         ExportColumns {
-            label: "OpenCorr (stereo)",
-            names: ["ref_x", "ref_y", "u", "v"],
-            unit: Of("mm"),
             also: &["ref_z", "w", "r1t1 zncc"],
-            capitals_matter: false,
-            deformed: false,
+            ..stereo(
+                "OpenCorr (stereo)",
+                ["ref_x", "ref_y", "u", "v"],
+                Of("mm"),
+                ["ref_z", "w"],
+            )
         },
         ExportColumns {
-            label: "OpenCorr",
-            names: ["x", "y", "u", "v"],
-            unit: Of(PIXEL),
             also: &["u0", "v0", "zncc"],
             capitals_matter: true,
-            deformed: false,
+            ..columns("OpenCorr", ["x", "y", "u", "v"], Of(PIXEL))
         },
     ],
     y_downwards: true,
+    correlation: &["zncc", "r1t1 zncc"],
     ..COLUMNS_ONLY
 };

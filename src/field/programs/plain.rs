@@ -1,15 +1,17 @@
 //! Tables of nobody in particular.
 
 use super::program::Habit::Asked;
-use super::program::{COLUMNS_ONLY, Program, columns};
+use super::program::{COLUMNS_ONLY, Program, columns, stereo};
+
+const LABEL: &str = "plain table";
 
 pub const PROGRAM: Program = Program {
     exports: &[
-        columns("plain table", ["x", "y", "ux", "uy"], Asked),
-        columns("plain table", ["x", "y", "u", "v"], Asked),
-        columns("plain table", ["x", "y", "U_x", "U_y"], Asked),
+        stereo(LABEL, ["x", "y", "ux", "uy"], Asked, ["z", "uz"]),
+        stereo(LABEL, ["x", "y", "u", "v"], Asked, ["z", "w"]),
+        columns(LABEL, ["x", "y", "U_x", "U_y"], Asked),
         columns(
-            "plain table",
+            LABEL,
             [
                 "x-coordinate",
                 "y-coordinate",
@@ -18,6 +20,17 @@ pub const PROGRAM: Program = Program {
             ],
             Asked,
         ),
+    ],
+    correlation: &["correlation"],
+    marks: &[
+        "mask",
+        "valid",
+        "status",
+        "converged",
+        "flag",
+        "flags",
+        "typevector",
+        "outlier",
     ],
     ..COLUMNS_ONLY
 };

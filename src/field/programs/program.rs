@@ -16,6 +16,12 @@ pub struct Program {
     pub subset_px: Option<&'static str>,
     pub step_px: Option<&'static str>,
     pub picture: Option<&'static str>,
+    /// Columns of the coefficient of the correlation, in small letters, without their units.
+    pub correlation: &'static [&'static str],
+    /// Columns that mark points; which values mark a failed one, they do not say.
+    pub marks: &'static [&'static str],
+    /// How to get a table of text, where the program also writes files of bytes.
+    pub as_text: Option<&'static str>,
 }
 
 /// A program of which only the columns are known.
@@ -27,6 +33,9 @@ pub const COLUMNS_ONLY: Program = Program {
     subset_px: None,
     step_px: None,
     picture: None,
+    correlation: &[],
+    marks: &[],
+    as_text: None,
 };
 
 /// Columns of one kind of table.
@@ -38,6 +47,8 @@ pub struct ExportColumns {
     pub names: [&'static str; 4],
     /// The unit where the file states none.
     pub unit: Habit,
+    /// Names of the coordinate and the displacement out of the plane of the picture, where the program writes them.
+    pub out_of_plane: [&'static str; 2],
     /// Other columns that tell this table from another program's with the same names.
     pub also: &'static [&'static str],
     /// Whether small letters are another quantity.
@@ -61,8 +72,22 @@ pub const fn columns(label: &'static str, names: [&'static str; 4], unit: Habit)
         label,
         names,
         unit,
+        out_of_plane: [""; 2],
         also: &[],
         capitals_matter: false,
         deformed: false,
+    }
+}
+
+/// The same of a stereo measurement, with the names of the coordinate and the displacement out of the plane.
+pub const fn stereo(
+    label: &'static str,
+    names: [&'static str; 4],
+    unit: Habit,
+    out_of_plane: [&'static str; 2],
+) -> ExportColumns {
+    ExportColumns {
+        out_of_plane,
+        ..columns(label, names, unit)
     }
 }

@@ -33,6 +33,43 @@ pub fn newtons(written: &str) -> Option<(&'static str, f64)> {
         .find(|(unit, _)| unit.eq_ignore_ascii_case(written))
 }
 
+/// Seconds of a unit of time.
+pub fn seconds(written: &str) -> Option<f64> {
+    match written.to_lowercase().as_str() {
+        "s" | "sec" | "secs" | "second" | "seconds" => Some(1.0),
+        "ms" | "msec" => Some(1e-3),
+        "min" | "minutes" => Some(60.0),
+        _ => None,
+    }
+}
+
+/// The first number in the name of a file with a unit behind it, in that unit's size: `part_2.250 s`, `step 0,5kN`.
+pub fn in_name(name: &str, size: impl Fn(&str) -> Option<f64>) -> Option<f64> {
+    let digit = |c: char| c.is_ascii_digit();
+    let mut rest = name;
+    while let Some(at) = rest.find(digit) {
+        // a stroke behind a letter or a digit is no sign
+        let before = rest[..at].strip_suffix('-');
+        let is_negative = before.is_some_and(|b| b.is_empty() || b.ends_with(['_', ' ', '=']));
+        rest = &rest[at..];
+        let decimal = |(k, c): (usize, char)| {
+            let inside = ".,".contains(c) && rest[k + 1..].starts_with(digit);
+            !(digit(c) || inside)
+        };
+        let end = rest.char_indices().find(|&both| decimal(both));
+        let (number, after) = rest.split_at(end.map_or(rest.len(), |(k, _)| k));
+        let unit = after.trim_start_matches([' ', '_']);
+        let unit = unit.split(|c: char| !c.is_alphanumeric()).next();
+        let value = number.replace(',', ".").parse::<f64>().ok();
+        let of_unit = unit.filter(|u| !u.is_empty()).and_then(&size);
+        if let Some((value, size)) = value.zip(of_unit) {
+            return Some(if is_negative { -value } else { value } * size);
+        }
+        rest = after;
+    }
+    None
+}
+
 /// The name in a model file of a unit of length as it is written.
 pub fn unit_of(written: &str) -> Option<&'static str> {
     let written = written.trim().to_lowercase();

@@ -5,7 +5,7 @@ use super::super::kind::ElementKind;
 use super::deck::{Deck, DeckPatch, DeckSurface, ElementBlock, Open, SetLines};
 use super::elements::{self, Type};
 use super::keyword::{Keyword, fields, key, number, real, unquoted};
-use super::sets::{SetScope, Sets, members, without_prefix};
+use super::sets::{SetMember, SetScope, Sets, members, without_prefix};
 use crate::error::{Error, Result};
 
 const ONE_PART: &str = "write an input file of the specimen alone; parts that are glued: merge them with their meshes (Assembly > Instance > Merge/Cut > Mesh)";
@@ -140,6 +140,11 @@ impl Deck {
         let is_internal = keyword.has("INTERNAL");
         let is_of_nodes = keyword.name == "NSET";
         let index = self.sets(is_of_nodes).entry(name, scope, is_internal);
+        if let Some(elements) = keyword.get("ELSET").filter(|_| is_of_nodes) {
+            let elements = without_prefix(elements, &self.prefixes).to_string();
+            let member = (SetMember::NodesOf(elements), self.spot);
+            self.node_sets.all[index].members.push(member);
+        }
         self.block = ElementBlock::Set(SetLines {
             is_of_nodes,
             index,

@@ -7,7 +7,7 @@ use super::super::shape::NamelessMesh;
 use super::super::sides::Owners;
 use super::deck::{Deck, DeckPatch, DeckSurface};
 use super::keyword::number;
-use super::sets::{DeckSet, SetScope, Sets, resolve};
+use super::sets::{DeckSet, SetMember, SetScope, Sets, resolve};
 use crate::error::{Error, Result};
 
 /// A file's mesh and groups.
@@ -34,18 +34,26 @@ pub(super) fn mesh(mut deck: Deck) -> Result<ImportedMesh> {
     let shape = NamelessMesh::of(deck.draft)?;
     let draft = shape.draft();
     let mut allowance = Allowance::default();
-    let nodes = resolve(
-        draft,
-        &deck.node_sets,
-        shape.numbers(),
-        "node",
-        &mut allowance,
-    )?;
     let elements = resolve(
         draft,
         &deck.element_sets,
         &numbers,
-        "element",
+        ("element", &|_, _| None),
+        &mut allowance,
+    )?;
+    let nodes_of = |name: &str, scope| {
+        let at = deck.element_sets.find(name, scope)?;
+        let members = elements.get(at)?.iter();
+        let numbers = members
+            .flat_map(|&i| nodes_of_element(draft, i as usize))
+            .copied();
+        Some(numbers.filter_map(|n| shape.numbers().get(n)).collect())
+    };
+    let nodes = resolve(
+        draft,
+        &deck.node_sets,
+        shape.numbers(),
+        ("node", &nodes_of),
         &mut allowance,
     )?;
     let mut model = FinishedDeck {
@@ -71,6 +79,13 @@ pub(super) fn mesh(mut deck: Deck) -> Result<ImportedMesh> {
     let names_edges =
         deck.surfaces.iter().any(|s| !s.is_internal) || model.elements.iter().any(names_lines);
     Ok(model.shape.into_mesh(names_edges))
+}
+
+/// Numbers of the nodes of an element, or of a line element after them.
+fn nodes_of_element(draft: &Draft, i: usize) -> &[u64] {
+    let line = || draft.lines.get(i - draft.cells.len()).map(|l| &l.nodes[..]);
+    let cell = draft.cells.get(i).map(|c| &c.nodes[..]);
+    cell.or_else(line).unwrap_or_default()
 }
 
 /// Numbers of elements and line elements, which count together.
@@ -242,6 +257,23 @@ impl FinishedDeck {
             }
             let name = self.name(&self.node_sets, set);
             let edges = self.shape.among(members);
+            let is_of_cells = |(member, _): &(SetMember, FileSpot)| match member {
+                SetMember::NodesOf(name) => {
+                    let at = self.element_sets.find(name, set.scope);
+                    let all = at
+                        .and_then(|at| self.elements.get(at))
+                        .into_iter()
+                        .flatten();
+                    all.into_iter()
+                        .any(|i| (*i as usize) < self.shape.elements().len())
+                }
+                _ => false,
+            };
+            if !edges.is_empty() && set.members.iter().any(is_of_cells) {
+                self.shape.remark(format!(
+                    "the node set {name} has all nodes of elements: as an edge it goes along all their sides on the boundary"
+                ));
+            }
             if edges.is_empty() && members.len() > 1 && self.shape.edge(&name).is_empty() {
                 self.shape.remark(format!(
                     "the node set {name} has all nodes of no side on the boundary: it names no edge"

@@ -21,6 +21,8 @@ pub(super) enum SetMember {
     /// First, last, step.
     Range(u64, u64, u64),
     Set(String),
+    /// The nodes of a set of elements.
+    NodesOf(String),
 }
 
 /// A set of nodes or of elements.
@@ -115,7 +117,10 @@ pub(super) fn without_prefix<'a>(field: &'a str, instance: &[String]) -> &'a str
     }
 }
 
-/// The members of every set, as increasing indices. A set may have those above it as members.
+/// The nodes of the set of elements that a name means, seen from a scope.
+pub(super) type NodesOf<'a> = dyn Fn(&str, SetScope) -> Option<Vec<u32>> + 'a;
+
+/// The members of every set, as increasing indices. A set may have those above it as members; `nodes_of` are the nodes of a set of elements.
 ///
 /// # Errors
 /// The input's fault: numbers that are not there, names that are not those of sets above, too many members.
@@ -123,7 +128,7 @@ pub(super) fn resolve(
     draft: &Draft,
     sets: &Sets,
     index: &Index,
-    what: &str,
+    (what, nodes_of): (&str, &NodesOf),
     allowance: &mut Allowance,
 ) -> Result<Vec<Vec<u32>>> {
     let size = draft.nodes.len() + draft.cells.len() + draft.lines.len();
@@ -145,6 +150,15 @@ pub(super) fn resolve(
                 }
                 SetMember::Range(first, last, step) => {
                     range(index, [*first, *last, *step], &mut own)
+                }
+                SetMember::NodesOf(name) => {
+                    let nodes = nodes_of(name, set.scope).ok_or_else(|| {
+                        Error::input(place(), "the name of a set of elements in ELSET")
+                            .found(name)
+                            .hint("the set is missing in the file: write it again")
+                    })?;
+                    own.extend(&nodes);
+                    nodes.len()
                 }
                 SetMember::Set(name) => {
                     let at = sets.find(name, set.scope).filter(|at| *at < resolved.len());

@@ -88,7 +88,7 @@ pub(super) fn cards(bytes: &[u8]) -> Vec<BulkCard> {
     // fields of the last card that its lines so far have room for
     let mut room = 0;
     for (at, line) in (1u32..).zip(bytes.split(|b| *b == b'\n')) {
-        let text = String::from_utf8_lossy(line).replace('\t', "        ");
+        let text = untabbed(&String::from_utf8_lossy(line));
         let text = text.split('$').next().unwrap_or_default().trim_end();
         let upper = text.trim_start().to_ascii_uppercase();
         if upper.is_empty() {
@@ -123,6 +123,34 @@ pub(super) fn cards(bytes: &[u8]) -> Vec<BulkCard> {
         }
     }
     all
+}
+
+/// A line without tabs: each ends the field that it stands in.
+fn untabbed(line: &str) -> String {
+    if line.contains(',') {
+        return line.replace('\t', " ");
+    }
+    let name = line.split('\t').next().unwrap_or_default();
+    let width = if name.contains('*') { LARGE } else { SMALL };
+    let (mut text, mut columns, mut is_full) = (String::new(), 0, false);
+    for c in line.chars() {
+        if c != '\t' {
+            text.push(c);
+            columns += 1;
+            is_full = columns >= SMALL && (columns - SMALL).is_multiple_of(width);
+            continue;
+        }
+        let rest = match columns {
+            // a field that is full ends here already
+            _ if is_full => 0,
+            0..SMALL => SMALL - columns,
+            _ => width - (columns - SMALL) % width,
+        };
+        text.extend(std::iter::repeat_n(' ', rest));
+        columns += rest;
+        is_full = false;
+    }
+    text
 }
 
 /// The name of a line and its fields, at most as many as there is room for.

@@ -242,7 +242,7 @@ fn bad_matrices_are_named_by_place_and_value() {
     );
     assert_names(
         read_edited("X.txt", |t| [t.as_bytes(), &[0xff, 0xfe]].concat()),
-        &["X.txt:12", "0xff", "UTF-8"],
+        &["X.txt:12, column 1", "a number or NaN"],
     );
     assert_names(
         read_edited("X.txt", |t| t.into_bytes().into_iter().rev().collect()),
