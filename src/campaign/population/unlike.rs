@@ -1,5 +1,6 @@
 //! Specimens unlike the others, by the intervals that the specimens have themselves.
 
+use crate::quantity::chance;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::specimen::Specimen;

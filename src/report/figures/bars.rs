@@ -1,4 +1,4 @@
-//! Bars: how probable each effect is, what each unseen effect would do to the constants, and intervals of the constants.
+//! Bars: the residual by place, and intervals of the constants.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
@@ -7,44 +7,8 @@ use super::canvas::{Area, Figure, GRID, INK, MAIN, PRIOR, TRUTH, draw, say, span
 use crate::error::Result;
 use crate::report::json::Keyed;
 use crate::report::numbers::{IntervalLine, PlaceRms};
-use crate::report::tracing::{BlindSpotReport, TracingReport};
-use crate::report::words::LINEAR_PERCENT;
 
 const ROW: u32 = 20;
-const NAMES: u32 = 200;
-
-/// Effects of smaller probability have no bar.
-pub const SMALLEST_BAR: f64 = 0.005;
-
-/// Inclusion probability of each candidate of a round that has one to speak of; nothing if none has.
-pub fn ranking(tracing: &TracingReport) -> Result<Option<Figure>> {
-    let candidates = tracing.candidates.iter();
-    let effects: Vec<_> = candidates
-        .filter(|c| c.inclusion_probability >= SMALLEST_BAR)
-        .collect();
-    if effects.is_empty() {
-        return Ok(None);
-    }
-    let size = (640, 44 + ROW * effects.len() as u32);
-    let alt = "Probability that each effect acts, from the residual; accepted effects in red";
-    draw("", alt, size, |root, _| {
-        scale(root, [0.0, 1.0], 70, "inclusion probability")?;
-        let width = f64::from(size.0 - NAMES - 70);
-        for (k, candidate) in effects.iter().enumerate() {
-            let y = (k as u32 * ROW + ROW / 2 + 4) as i32;
-            let accepted = tracing.accepted.contains(&candidate.effect);
-            let colour = if accepted { TRUTH } else { MAIN };
-            let p = candidate.inclusion_probability;
-            let end = NAMES as i32 + (p.clamp(0.0, 1.0) * width) as i32;
-            bar(root, [NAMES as i32, end], y, colour)?;
-            label(root, &candidate.name(), [NAMES, y as u32])?;
-            let figure = format!("{p:.3}");
-            say(root, figure, (end + 5, y), 11, HPos::Left)?;
-        }
-        Ok(())
-    })
-    .map(Some)
-}
 
 /// Width of one of several panels.
 const PANEL: u32 = 165;
@@ -78,64 +42,6 @@ pub fn breakdown(places: &[PlaceRms]) -> Result<Option<Figure>> {
         }
         for (k, place) in places.iter().enumerate() {
             label(root, &place.place, [NAMES, k as u32 * ROW + ROW / 2 + 26])?;
-        }
-        Ok(())
-    })
-    .map(Some)
-}
-
-/// Shift of each constant by each effect at its plausible amplitude; effects that would go unseen are the ones to fear.
-pub fn blind_spots(spots: &[BlindSpotReport], constants: &[&str]) -> Result<Option<Figure>> {
-    if spots.is_empty() || constants.is_empty() {
-        return Ok(None);
-    }
-    // effects stand with their parameters here
-    const WIDE: u32 = 300;
-    let size = (
-        WIDE + PANEL * constants.len() as u32 + 16,
-        64 + ROW * spots.len() as u32,
-    );
-    let alt = "Shift of each constant, in percent, if an effect acted at its plausible size and the model lacked it; red: these data would not show it, blue: they would; an arrow: more than 20 %, where the linear estimate ends";
-    draw("blind-spots", alt, size, |root, _| {
-        for (c, constant) in constants.iter().enumerate() {
-            let shifts = spots.iter().map(|s| s.shift(constant).unwrap_or(f64::NAN));
-            let shifts: Vec<f64> = shifts.collect();
-            let largest = span(shifts.iter().map(|s| s.abs()))[1];
-            let reach = largest.clamp(1e-3, LINEAR_PERCENT);
-            let left = (WIDE + PANEL * c as u32) as i32;
-            let middle = left + PANEL as i32 / 2;
-            let half = f64::from(PANEL) / 2.0 - 20.0;
-            say(root, *constant, (middle, 12), 12, HPos::Center)?;
-            rule(root, middle, 24, size.1 as i32 - 38, INK)?;
-            for side in [-1.0, 1.0] {
-                let x = middle + (side * half) as i32;
-                rule(root, x, 24, size.1 as i32 - 38, GRID)?;
-                let place = (x, size.1 as i32 - 28);
-                let figure = format!("{:.1$}", side * reach, decimals(reach));
-                say(
-                    root,
-                    figure.replace('-', "\u{2212}"),
-                    place,
-                    10,
-                    HPos::Center,
-                )?;
-            }
-            let unit = (middle, size.1 as i32 - 12);
-            say(root, "shift, %", unit, 11, HPos::Center)?;
-            for (k, shift) in shifts.iter().enumerate().filter(|(_, s)| s.is_finite()) {
-                let y = (k as u32 * ROW + ROW / 2 + 26) as i32;
-                let end = middle + ((shift / reach).clamp(-1.0, 1.0) * half) as i32;
-                let colour = if spots[k].would_be_seen { MAIN } else { TRUTH };
-                bar(root, [middle.min(end), middle.max(end)], y, colour)?;
-                if shift.abs() > reach {
-                    let tip = end + 9 * shift.signum() as i32;
-                    let arrow = vec![(end, y - 6), (end, y + 6), (tip, y)];
-                    root.draw(&Polygon::new(arrow, colour.filled()))?;
-                }
-            }
-        }
-        for (k, spot) in spots.iter().enumerate() {
-            label(root, &spot.name(), [WIDE, k as u32 * ROW + ROW / 2 + 26])?;
         }
         Ok(())
     })
@@ -229,31 +135,4 @@ fn rule(root: &Area<'_>, x: i32, top: i32, bottom: i32, colour: RGBColor) -> Res
 fn label(root: &Area<'_>, name: &str, [left, y]: [u32; 2]) -> Result<()> {
     let place = (left as i32 - 8, y as i32);
     say(root, name, place, 12, HPos::Right)
-}
-
-/// Axis and grid lines from `low` to `high` under the rows, in quarters.
-fn scale(root: &Area<'_>, [low, high]: [f64; 2], right: u32, name: &str) -> Result<()> {
-    let (width, height) = root.dim_in_pixel();
-    let reach = f64::from(width - NAMES - right);
-    for k in 0..=4 {
-        let f = f64::from(k) / 4.0;
-        let x = NAMES as i32 + (f * reach) as i32;
-        rule(
-            root,
-            x,
-            4,
-            height as i32 - 36,
-            if k == 0 { INK } else { GRID },
-        )?;
-        let place = (x, height as i32 - 28);
-        say(
-            root,
-            step(&(low + f * (high - low))),
-            place,
-            10,
-            HPos::Center,
-        )?;
-    }
-    let middle = NAMES as i32 + (0.5 * reach) as i32;
-    say(root, name, (middle, height as i32 - 12), 11, HPos::Center)
 }

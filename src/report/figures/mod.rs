@@ -12,7 +12,6 @@ mod pictures;
 mod raster;
 mod steps;
 
-pub use bars::SMALLEST_BAR;
 pub use canvas::{Figure, span};
 pub use colour::Palette;
 pub use corner::corner as posterior_corner;
@@ -46,7 +45,6 @@ pub fn all(page: &Page) -> Result<Vec<Figure>> {
     let [first, last] = [page.figures.first(), page.figures.last()];
     let once = [
         bars::intervals(&page.intervals())?,
-        bars::blind_spots(page.report.blind_spots(), &page.constants())?,
         first.map_or(Ok(None), |data| mesh::mesh(&data.mesh))?,
         last.map_or(Ok(None), |data| steps::steps(&data.steps))?,
         last.map_or(Ok(None), |data| steps::stiffness(&data.stiffness))?,
@@ -55,7 +53,6 @@ pub fn all(page: &Page) -> Result<Vec<Figure>> {
     figures.extend(once.into_iter().flatten());
     for (k, (round, data)) in page.report.rounds.iter().zip(&page.figures).enumerate() {
         let residual = &round.residual;
-        let candidates = round.tracing.as_ref();
         let drawn = [
             ("corner", corner::corner(data)?),
             ("trace", chains::traces(&data.trace)?),
@@ -66,7 +63,6 @@ pub fn all(page: &Page) -> Result<Vec<Figure>> {
             ),
             ("variogram", chains::variogram(&residual.variogram)?),
             ("breakdown", bars::breakdown(&places(residual))?),
-            ("candidates", candidates.map_or(Ok(None), bars::ranking)?),
         ];
         let named = drawn
             .into_iter()

@@ -44,15 +44,10 @@ pub struct FigureData {
     /// Autocorrelation of the walkers.
     #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub autocorrelation: Vec<LagPoint>,
-    /// Errors by number of modes.
-    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
-    pub truncation: Vec<TruncationLine>,
-    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
-    pub surfaces: Vec<SurfaceLine>,
 }
 
 /// The tables of each figure.
-const FIGURES: [(&str, &[&str]); 9] = [
+const FIGURES: [(&str, &[&str]); 8] = [
     ("maps", &["maps"]),
     ("steps", &["steps"]),
     ("stiffness", &["stiffness"]),
@@ -61,7 +56,6 @@ const FIGURES: [(&str, &[&str]); 9] = [
     ("trace", &["trace"]),
     ("rank", &["rank"]),
     ("autocorrelation", &["autocorrelation"]),
-    ("reduced-model", &["truncation", "surfaces"]),
 ];
 
 /// Significant digits of a figure's numbers: more than any figure shows, and less room than all.
@@ -275,25 +269,4 @@ pub struct LagPoint {
     pub parameter: String,
     pub lag: usize,
     pub autocorrelation: Option<f64>,
-}
-
-/// Truncation error and leave-one-out error of a number of modes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct TruncationLine {
-    pub modes: usize,
-    pub component: String,
-    pub eps: Option<f64>,
-    pub cv_rms_mm: Option<f64>,
-    pub cv_rms_percent: Option<f64>,
-}
-
-/// Errors of the response surface of one POD coefficient.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct SurfaceLine {
-    pub coefficient: String,
-    pub mean_mm: Option<f64>,
-    pub sd_mm: Option<f64>,
-    pub r2: Option<f64>,
-    pub rms_mm: Option<f64>,
-    pub press_mm: Option<f64>,
 }

@@ -3,7 +3,7 @@
 use super::cells::FieldCells;
 use super::data::{
     FigureData, JointBin, LagPoint, MapCell, MarginalBin, MeshPoint, ParameterLine, RankBin,
-    StepCell, StiffnessCell, SurfaceLine, TracePoint, TruncationLine,
+    StepCell, StiffnessCell, TracePoint,
 };
 use super::mesh::lines;
 use crate::chain::Draws;
@@ -14,7 +14,6 @@ use crate::infer::Marginal;
 use crate::numeric::quantile;
 use crate::quantity::{NM_PER_MM, UM_PER_MM};
 use crate::report::manifest::KnownTruth;
-use crate::report::tables::{COMPONENTS, coefficients};
 use crate::trace::{Round, StepMaps, StiffnessAt};
 
 impl FigureData {
@@ -33,8 +32,6 @@ impl FigureData {
             trace: traces(draws),
             rank: ranks(draws),
             autocorrelation: autocorrelations(draws),
-            truncation: truncation(round),
-            surfaces: surfaces(round),
         }
     }
 
@@ -358,40 +355,4 @@ fn autocorrelations(draws: &Draws) -> Vec<LagPoint> {
         rho.iter().enumerate().map(line).collect::<Vec<_>>()
     };
     draws.names().iter().enumerate().flat_map(of).collect()
-}
-
-fn truncation(round: &Identification) -> Vec<TruncationLine> {
-    let reduced = &round.inverse.prepared.reduced;
-    let mut rows = Vec::new();
-    for (c, component) in COMPONENTS.into_iter().enumerate() {
-        let cross = &reduced.cross_validation[c];
-        let finite = |v: Option<&f64>| v.copied().filter(|v| v.is_finite());
-        rows.extend(
-            reduced.truncation[c]
-                .iter()
-                .enumerate()
-                .map(|(n, eps)| TruncationLine {
-                    modes: n + 1,
-                    component: component.into(),
-                    eps: finite(Some(eps)),
-                    cv_rms_mm: finite(cross.mm.get(n)),
-                    cv_rms_percent: finite(cross.percent.get(n)),
-                }),
-        );
-    }
-    rows
-}
-
-fn surfaces(round: &Identification) -> Vec<SurfaceLine> {
-    let finite = |v: f64| Some(v).filter(|v| v.is_finite());
-    coefficients(&round.inverse.prepared.reduced.surface)
-        .map(|(coefficient, q)| SurfaceLine {
-            coefficient,
-            mean_mm: finite(q.mean),
-            sd_mm: finite(q.sd),
-            r2: finite(q.r2),
-            rms_mm: finite(q.rms),
-            press_mm: finite(q.press),
-        })
-        .collect()
 }

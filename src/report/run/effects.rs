@@ -5,7 +5,6 @@ use indexmap::IndexMap;
 use super::rounds::names;
 use crate::parameter::Parameter;
 use crate::report::document::{Closing, Report};
-use crate::report::figures::SMALLEST_BAR;
 use crate::report::json::Keyed;
 use crate::report::learned::{self, Learned};
 use crate::report::page::Page;
@@ -33,24 +32,14 @@ pub fn tracing(tracing: &TracingReport) -> Section {
 /// The effects weighed against the residual of every round.
 pub fn ranking(page: &Page) -> Section {
     let mut section = Section::new("Effects");
-    let rounds = page.report.rounds.iter().zip(names(page)).enumerate();
-    for (k, (round, name)) in rounds {
+    let rounds = page.report.rounds.iter().zip(names(page));
+    for (round, name) in rounds {
         let Some(tracing) = round.tracing.as_ref().filter(|t| !t.candidates.is_empty()) else {
             continue;
         };
         let all = &tracing.candidates;
         let is_shown = |c: &CandidateReport| c.inclusion_probability >= NAUGHT;
         let (shown, naught): (Vec<_>, Vec<_>) = all.iter().cloned().partition(is_shown);
-        let small = all
-            .iter()
-            .filter(|c| c.inclusion_probability < SMALLEST_BAR);
-        let small = match small.count() {
-            0 => String::new(),
-            n => format!(
-                "{n} of {} effects have a probability below {SMALLEST_BAR} and no bar.",
-                all.len()
-            ),
-        };
         let accepted = match tracing.accepted.is_empty() {
             true => "No effect was accepted.".into(),
             false => format!("Accepted: {}.", tracing.accepted.join(", ")),
@@ -71,8 +60,6 @@ pub fn ranking(page: &Page) -> Section {
                 "{accepted} {}",
                 discrepancy(tracing).unwrap_or_default()
             ))
-            .with(Piece::figure(format!("candidates-{k}")))
-            .with(Piece::Note(small))
             .with(candidates(&shown))
             .say(improbable(&naught));
         if !left.is_empty() {
@@ -201,7 +188,6 @@ pub fn blind_spots(spots: &[BlindSpotReport], constants: &[&str]) -> Section {
     let caption = "what each effect would do to the constants at its plausible size, in %, if the model lacked it, and whether it would be seen";
     Section::new("Blind spots")
         .say("An effect that these data would not show can still move the constants. The averaged posterior counts it; the posterior of a single model does not.")
-        .with(Piece::figure("blind-spots"))
         .with(Table::new(caption, header, rows).sortable())
         .say(beyond_the_dictionary())
         .say(LINEAR)

@@ -21,51 +21,8 @@ pub fn errors(round: &RoundReport) -> Vec<Piece> {
 
 /// The reduced model's errors.
 pub fn section(page: &Page) -> Option<Section> {
-    let (last, data) = (page.report.last()?, page.figures.last()?);
-    let truncation = data.truncation.iter().map(|t| {
-        let numbers = [t.eps, t.cv_rms_mm, t.cv_rms_percent].map(error);
-        row(
-            t.modes.to_string(),
-            [TableCell::from(&t.component)].into_iter().chain(numbers),
-        )
-    });
-    let truncation = Table::new(
-        "Truncation error (Table 3 of the article) and leave-one-out error (Table 8) by number of modes",
-        ["modes", "component", "eps", "cv_rms_mm", "cv_rms_percent"],
-        truncation,
-    );
-    let surfaces = data.surfaces.iter().map(|s| {
-        row(
-            &s.coefficient,
-            [s.mean_mm, s.sd_mm, s.r2, s.rms_mm, s.press_mm].map(error),
-        )
-    });
-    let surfaces = Table::new(
-        "Response surfaces of the POD coefficients (Tables 9 and 10)",
-        [
-            "coefficient",
-            "mean_mm",
-            "sd_mm",
-            "r2",
-            "rms_mm",
-            "press_mm",
-        ],
-        surfaces,
-    );
-    let section = Section::new("Reduced model").with_all(errors(last));
-    Some(
-        section
-            .with(truncation.sortable())
-            .with(surfaces.sortable()),
-    )
-}
-
-/// Four significant digits; about 1, as coefficients of determination are, six decimals.
-fn error(value: Option<f64>) -> TableCell {
-    match value {
-        Some(v) if (v - 1.0).abs() >= 0.1 => TableCell::science(v, 3),
-        other => TableCell::fixed(other, 6),
-    }
+    let last = page.report.last()?;
+    Some(Section::new("Reduced model").with_all(errors(last)))
 }
 
 /// What the stages of a run cost.
