@@ -138,7 +138,7 @@ fn both_samplers_agree_with_the_closed_form() {
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn an_answer_without_an_effect_is_that_of_the_full_model_without_it() {
-    let closed = closed(&measured(&["magnification=1"], Noise::White, 21));
+    let closed = closed(&measured(&["magnification=0.2"], Noise::White, 21));
     let point = &closed.rounds[0].traced.point;
     assert!(
         !point.state.shared.acting().is_empty(),
@@ -148,7 +148,7 @@ fn an_answer_without_an_effect_is_that_of_the_full_model_without_it() {
     let quoted = quote(&closed.rounds, true, &|_| options(&*sampler), &Silent).unwrap();
     let without = quoted.answers.iter().find(|a| a.name == "none").unwrap();
     let shift = without.importance.largest();
-    assert!(shift.is_some_and(|(_, s)| s[0].abs() < 0.1), "{shift:?}");
+    assert!(shift.is_some_and(|(_, s)| s[0].abs() < 0.3), "{shift:?}");
 }
 
 /// One seed, one posterior, for any number of threads.
