@@ -329,7 +329,6 @@ fn a_loop_shows_its_verdict_ranking_and_blind_spots() {
         "\u{2212}12.3",
         "Beyond 20 % only their sign is known",
         "never",
-        "1 of 3 effects have a probability below 0.005",
         "0.331 \u{b1} 0.012",
         "&lt;script&gt;alert(1)&lt;/script&gt; &amp; so on",
     ] {
