@@ -3,18 +3,19 @@
 use std::sync::Arc;
 
 use super::alias::{AliasGroup, SIMILAR, cosine, groups, lookalikes};
-use super::averaged::{BlindSpot, averaged, blind_spots};
+use super::averaged::{BlindSpot, Interval, averaged, blind_spots};
 use super::holdout::{Holdout, gains};
 use super::left_out::HeldOutSteps;
 use super::load_rivals::load_rivals;
 use super::priors::{leaning, priors_in_doubt};
 use super::subsets::{Subset, SubsetPosterior};
-use super::suspect::{PriorInDoubt, suspect};
+use super::suspect::{PriorInDoubt, Suspect, suspect};
 use super::together::Contradiction;
 use super::tracing::{Accepted, Finding, FoundApart, Named, PriorSd, Ranking, Resembling, Tracing};
 use crate::effect::{EFFECTS, Effect, amplitude_name, force_scale};
 use crate::error::Result;
 use crate::experiment::series::Law;
+use crate::files::Keyed;
 use crate::linearise::lift_of;
 use crate::linearise::{Column, Measured, Sensitivities, StepStack};
 use crate::parameter::{Parameter, is_modulus};
@@ -127,14 +128,7 @@ impl Evidence {
             .map(|g| g.members.clone())
             .collect();
         let average = averaged(&self.weighing, &self.sensitivities, &self.subsets)?;
-        let rivals = named.iter().flat_map(|g| &g.rivals);
-        let answers = rivals
-            .chain(doubts.priors.iter().map(|d| &d.answer))
-            .cloned();
-        let suspect = suspect(&self.weighing, &self.sensitivities, &self.subsets, &average)?.with(
-            self.objections(&named, &candidates, &doubts),
-            answers.collect(),
-        );
+        let suspect = self.suspected((&named, &candidates), &doubts, &average)?;
         let ranking = Ranking {
             candidates,
             groups: named,
@@ -181,6 +175,24 @@ impl Evidence {
             left_out: apart.left_out,
             patches: apart.patches,
         })
+    }
+
+    /// The account's faults and what else may be.
+    fn suspected(
+        &self,
+        (named, candidates): (&[Named], &[Finding]),
+        doubts: &Doubts,
+        average: &Keyed<Interval>,
+    ) -> Result<Suspect> {
+        let rivals = named.iter().flat_map(|g| &g.rivals);
+        let answers = rivals
+            .chain(doubts.priors.iter().map(|d| &d.answer))
+            .cloned();
+        let found = suspect(&self.weighing, &self.sensitivities, &self.subsets, average)?;
+        Ok(found.with(
+            self.objections(named, candidates, doubts),
+            answers.collect(),
+        ))
     }
 
     /// Parts of the data, each predicted from the others.
