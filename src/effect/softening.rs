@@ -32,8 +32,8 @@ impl Effect for SofteningWithLoad {
         ))
     }
 
-    /// Fibres turn and matrices creep in every test by a few percent, which no picture is sure enough of: strains of a series that were .8 to 4 % too
-    /// large were taken for a `residual_load`, and the moduli for 3.6 sds lower.
+    /// Every specimen creeps a little, and pictures do not show 4 % of it surely. Left out, strains that were 0.8 to 4 % too large were taken for
+    /// a `residual_load`, and E came out 3.6 sds too low.
     fn always_acts(&self) -> bool {
         true
     }

@@ -79,8 +79,10 @@ const WHOLE: f64 = 2.0;
 const ERROR_PERCENT: f64 = 5.0;
 
 impl ExperimentFactor {
-    /// Of the difference of two posterior means and its covariance in the directions `said` (prior units), where the first is its prior's
-    /// by `shrunk`: u = (I - S) x for what one percent does to the constants, x.
+    /// Of the difference of two posterior means, `along` the eigenvectors of its covariance, whose eigenvalues are `values`; only the directions
+    /// `said` count. `u` is what one percent in all moduli does to the first mean, along the same directions: of means that shrink towards the
+    /// prior u = (I - S) x, with the first posterior's covariance S and the change x of the constants. All in prior sds. The difference is
+    /// then normal about `percent` u, and the Bayes factor that of two normal densities.
     fn new(along: &DVector<f64>, values: &DVector<f64>, said: &[usize], u: &DVector<f64>) -> Self {
         let sum = |a: &DVector<f64>| said.iter().map(|&k| u[k] * a[k] / values[k]).sum::<f64>();
         let information = sum(u);

@@ -104,7 +104,7 @@ fn log_normal(x: &DVector<f64>, covariance: &DMatrix<f64>) -> f64 {
 }
 
 /// An error of an experiment as a whole is found with its size, by the Bayes factor of the difference of the means; where there is none two
-/// experiments are said to contradict each other in 1 case of 50 at most.
+/// experiments are said to contradict each other in 1 case of 50, within 4 sds of that count.
 #[test]
 fn an_error_of_all_moduli_is_found_in_the_disagreement() {
     const CASES: usize = 2000;
