@@ -82,19 +82,18 @@ impl TensionReport {
         let bayes = self.log_bayes_factor.map_or(String::new(), |b| {
             format!("; log Bayes factor {b:+.1} for one material")
         });
-        let verdict = if self.contradicts {
-            let percent = self.factor_percent;
-            format!(
-                "they contradict each other (all moduli of the first would be {percent:+.1} % off: its force, a thickness, a width, or another batch)"
-            )
-        } else {
-            "they agree".to_string()
-        };
-        format!(
-            "{verdict}: chi2 {:.1} in {} directions, {}{bayes}",
+        let figures = format!(
+            "chi2 {:.1} in {} directions, {}{bayes}",
             self.chi2,
             self.directions,
             chance(self.p)
+        );
+        if !self.contradicts {
+            return format!("they agree ({figures})");
+        }
+        let percent = self.factor_percent;
+        format!(
+            "they contradict each other ({figures}). All moduli of the first would be {percent:+.1} % off: its force, a thickness, a width, or another batch"
         )
     }
 }
