@@ -33,7 +33,7 @@ use crate::numeric::add_scaled;
 pub struct FieldExperiment {
     test: FieldTest,
     scene: Scene,
-    plate: Plate,
+    plate: Arc<Plate>,
     zero: Option<ZeroAt>,
     /// Nodes of the elements that touch the window.
     nodes: Vec<u32>,
@@ -51,6 +51,14 @@ impl FieldExperiment {
     /// A specimen that cannot be meshed, a gauge's point beside it, a window beside it.
     pub fn new(test: FieldTest, scene: Scene) -> Result<Self> {
         let plate = Plate::new(&scene.setup, test.density)?;
+        Self::on(Arc::new(plate), test, scene)
+    }
+
+    /// The same on a mesh of the specimen that was made before.
+    ///
+    /// # Errors
+    /// A gauge's point or a window beside the specimen.
+    pub fn on(plate: Arc<Plate>, test: FieldTest, scene: Scene) -> Result<Self> {
         let zero = ZeroAt::new(test.gauge, &test.frame, &plate)?;
         let reach = test
             .images
@@ -415,6 +423,15 @@ impl Spanning for FieldExperiment {
         let scene = &self.scene;
         let shape = format!("{:?}", scene.setup.geometry);
         serde_json::json!([self.test, shape, scene.material, scene.setup.yield_stress])
+    }
+
+    fn plate_of(&self, test: &FieldTest, scene: &Scene) -> Option<Arc<Plate>> {
+        let specimen = |test: &FieldTest, scene: &Scene| {
+            let shape = format!("{:?}", scene.setup.geometry);
+            serde_json::json!([test.specimen, test.load, test.density, shape])
+        };
+        let is_same = specimen(&self.test, &self.scene) == specimen(test, scene);
+        is_same.then(|| Arc::clone(&self.plate))
     }
 
     fn mesh_size(&self) -> [usize; 2] {

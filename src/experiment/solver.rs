@@ -1,14 +1,17 @@
 //! What the field solver can do, one trait an ability: mechanics and camera, places, and what makes many predictions cheap.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
+use super::field_test::FieldTest;
 use super::gauge::Gauge;
 use super::mesh_error::MeshError;
 use super::sight::Sight;
 use super::state::State;
 use crate::effect::{Effect, Scene};
 use crate::error::{Error, Result};
-use crate::fem::{Anchor, Answer, Bump, Certificate, EdgeStress, View};
+use crate::fem::{Anchor, Answer, Bump, Certificate, EdgeStress, Plate, View};
 use crate::field::rigid::RigidMotion;
 
 /// What a specimen under load shows a camera. Points are (s, t) and displacements (u1, u2), both in mm, direction 1 along the load, origin at
@@ -160,6 +163,11 @@ pub trait Places: Send + Sync {
 pub trait Spanning: Send + Sync {
     /// Everything that determines the prediction, for the key under which a reduced model is kept.
     fn serialisation(&self) -> serde_json::Value;
+
+    /// The mesh of the specimen with what was solved on it, for a test of the same one; none where the own finite elements do not answer.
+    fn plate_of(&self, _test: &FieldTest, _scene: &Scene) -> Option<Arc<Plate>> {
+        None
+    }
 
     /// Elements and unknowns of the mesh; zeros without one.
     fn mesh_size(&self) -> [usize; 2];

@@ -1,10 +1,11 @@
 //! The measurement on the plate that is to be solved, with a reduced model of it.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use crate::error::Result;
 use crate::experiment::series::SeriesState;
-use crate::experiment::{Prediction, State, predict};
+use crate::experiment::{FieldSolver, Prediction, State, predict};
 use crate::field::rigid::RigidMotion;
 use crate::field::spec::OutlierRule;
 use crate::field::{Field, Series};
@@ -28,8 +29,68 @@ pub struct Prepared {
     pub cached: bool,
     /// The measurement on the plate.
     pub observation: Observation,
+    /// What later rounds need not make again.
+    pub workbench: Workbench,
     /// Where an earlier round left the test.
     pub begun: Option<Begun>,
+}
+
+/// What the rounds of a run share: the measurement as it was read, and the meshed specimen with all that was solved of it.
+#[derive(Clone)]
+pub struct Workbench {
+    measurement: Arc<Measurement>,
+    experiment: Arc<dyn FieldSolver>,
+    /// How far the nominal load turns the specimen, rad.
+    own_rotation: f64,
+}
+
+/// What the measurement's files hold.
+enum Measurement {
+    Field(Field),
+    Series(Series),
+}
+
+impl Measurement {
+    fn read(model: &Model, progress: &dyn Progress) -> Result<Self> {
+        progress.begin("reading the measurement", None);
+        let (measured, said) = match model.read_series()? {
+            Some(series) if series.steps.len() > 1 => {
+                let said = format!(
+                    "{} steps of {} points",
+                    series.steps.len(),
+                    series.field.len()
+                );
+                (Self::Series(series), said)
+            }
+            series => {
+                // one step is a field like any other
+                let field = match series {
+                    Some(single) => single.field,
+                    None => model.read_field()?,
+                };
+                let said = format!("{} points", field.len());
+                (Self::Field(field), said)
+            }
+        };
+        progress.say(&said);
+        progress.end();
+        Ok(measured)
+    }
+
+    /// Locate what was measured on the plate that is to be solved, with how far the load turns it; on that of a workbench that is `known`.
+    fn observed(&self, model: &Model, known: Option<&Workbench>) -> Result<OnPlate> {
+        match self {
+            Self::Field(field) => field_observed(model, field, known),
+            Self::Series(series) => series_observed(model, series, known),
+        }
+    }
+}
+
+/// What was measured, on the plate that is to be solved.
+struct OnPlate {
+    problem: Problem,
+    observation: Observation,
+    own_rotation: f64,
 }
 
 /// Where a round begins that another one came before.
@@ -39,6 +100,7 @@ pub struct Begun {
     pub state: SeriesState,
     /// What that round knew of the noise.
     pub weighing: Weighing,
+    pub workbench: Workbench,
 }
 
 impl Prepared {
@@ -62,7 +124,33 @@ impl Prepared {
 /// # Errors
 /// Those of reading the measurement, of finite-element solutions and of `REDUCTIONS`.
 pub fn prepare(model: &Model, cache_dir: &Path, progress: &dyn Progress) -> Result<Prepared> {
-    let (problem, observation) = observed(model, progress)?;
+    prepare_from(model, None, (cache_dir, progress))
+}
+
+/// The same from where an earlier round left the test.
+///
+/// # Errors
+/// Those of [`prepare`].
+pub fn prepare_from(
+    model: &Model,
+    begun: Option<Begun>,
+    (cache_dir, progress): (&Path, &dyn Progress),
+) -> Result<Prepared> {
+    let shared = begun.as_ref().map(|b| &b.workbench);
+    let measurement = match shared {
+        Some(shared) => Arc::clone(&shared.measurement),
+        None => Arc::new(Measurement::read(model, progress)?),
+    };
+    let OnPlate {
+        problem,
+        observation,
+        own_rotation,
+    } = measurement.observed(model, shared)?;
+    let workbench = Workbench {
+        measurement,
+        experiment: Arc::clone(&problem.experiment),
+        own_rotation,
+    };
     if let Some(sides) = drawn_in(model) {
         progress.begin(
             "box of the reduced model drawn in, because no ply is beyond nu12^2 = E1/E2",
@@ -85,7 +173,8 @@ pub fn prepare(model: &Model, cache_dir: &Path, progress: &dyn Progress) -> Resu
         reduced,
         cached,
         observation,
-        begun: None,
+        workbench,
+        begun,
     })
 }
 
@@ -116,47 +205,32 @@ fn turned_back(field: Field, motion: &RigidMotion) -> Field {
     }
 }
 
-/// Read the measurement, and locate it on the plate that is to be solved.
-fn observed(model: &Model, progress: &dyn Progress) -> Result<(Problem, Observation)> {
-    progress.begin("reading the measurement", None);
-    match model.read_series()? {
-        Some(series) if series.steps.len() > 1 => series_observed(model, &series, progress),
-        // one step is a field like any other
-        Some(single) => field_observed(model, single.field, progress),
-        None => field_observed(model, model.read_field()?, progress),
+fn field_observed(model: &Model, field: &Field, known: Option<&Workbench>) -> Result<OnPlate> {
+    let mesh = known.map(|k| &*k.experiment);
+    let on_plate = |own_rotation: f64| {
+        let problem = problem_of(model, field, own_rotation, mesh)?;
+        let moved = turned_back(field.clone(), &problem.experiment.motion());
+        Ok(OnPlate {
+            observation: Observation::new(moved, &*problem.experiment)?,
+            problem,
+            own_rotation,
+        })
+    };
+    if let Some(known) = known {
+        return on_plate(known.own_rotation);
     }
-}
-
-fn field_observed(
-    model: &Model,
-    field: Field,
-    progress: &dyn Progress,
-) -> Result<(Problem, Observation)> {
-    progress.say(&format!("{} points", field.len()));
-    progress.end();
-    let problem = problem_of(model, &field, 0.0)?;
-    let experiment = &*problem.experiment;
-    let moved = turned_back(field.clone(), &experiment.motion());
-    let observation = Observation::new(moved, experiment)?;
-    let own = own_rotation(model, experiment, &observation, &observation.field)?;
+    let first = on_plate(0.0)?;
+    let (experiment, observation) = (&*first.problem.experiment, &first.observation);
+    let own = own_rotation(model, experiment, observation, &observation.field)?;
     if own == 0.0 {
-        return Ok((problem, observation));
+        return Ok(first);
     }
-    let problem = problem_of(model, &field, own)?;
-    let field = turned_back(field, &problem.experiment.motion());
-    let observation = Observation::new(field, &*problem.experiment)?;
-    Ok((problem, observation))
+    on_plate(own)
 }
 
-fn series_observed(
-    model: &Model,
-    series: &Series,
-    progress: &dyn Progress,
-) -> Result<(Problem, Observation)> {
-    let (steps, points) = (series.steps.len(), series.field.len());
-    progress.say(&format!("{steps} steps of {points} points"));
-    progress.end();
-    let problem = problem_within(model, series.field.measured_bounds())?;
+fn series_observed(model: &Model, series: &Series, known: Option<&Workbench>) -> Result<OnPlate> {
+    let mesh = known.map(|k| &*k.experiment);
+    let problem = problem_within(model, series.field.measured_bounds(), mesh)?;
     let forces = model.experiment().forces();
     let mut observation = Observation::of_series(series, forces, &*problem.experiment)?;
     let growing = |observation: &Observation| {
@@ -166,14 +240,22 @@ fn series_observed(
             ..observation.field.clone()
         })
     };
+    let mut own = 0.0;
     if let Some(field) = growing(&observation) {
-        let own = own_rotation(model, &*problem.experiment, &observation, &field)?;
+        own = match known {
+            Some(known) => known.own_rotation,
+            None => own_rotation(model, &*problem.experiment, &observation, &field)?,
+        };
         if let Some(steps) = &mut observation.steps {
             steps.turn_by_the_load(own);
         }
         observation.field = growing(&observation).unwrap_or(field);
     }
-    Ok((problem, observation))
+    Ok(OnPlate {
+        problem,
+        observation,
+        own_rotation: own,
+    })
 }
 
 /// What lies closer to the hole's centre than this many radii is not looked at for structure: the hole's edge is where

@@ -12,8 +12,7 @@ use super::identification::Identification;
 use super::inverse::{InverseProblem, inverse_problem_kept, start};
 use super::misfit::AgainstNoise;
 use super::patterns::Patterns;
-use super::prepared::Begun;
-use super::prepared::{Prepared, is_clear, prepare};
+use super::prepared::{Begun, Prepared, is_clear, prepare_from};
 use super::residual::Residual;
 use super::structure::Structure;
 use super::surrogate::SurrogateError;
@@ -103,10 +102,7 @@ pub fn identify_from(
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<Identification> {
-    let prepared = Prepared {
-        begun,
-        ..prepare(model, &options.cache, progress)?
-    };
+    let prepared = prepare_from(model, begun, (&options.cache, progress))?;
     let doubts = doubted(model, &prepared, (options.doubting, progress))?;
     let hint = |e: Error| match doubts.first() {
         Some(doubt) if e.blame() == Blame::Input => e.hint(doubt),

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::files::{KeptStages, Stored};
 use crate::infer::Model;
 use crate::linearise::{Forward, Measured, Sensitivities};
-use crate::noise::series::{FrameNoise, Frames, found_noise, settings_under};
+use crate::noise::series::{found_noise, settings_under};
 use crate::posterior::{ComponentNoise, Weighing, with_data};
 use crate::progress::Progress;
 
@@ -19,8 +19,8 @@ pub struct NumberedPoint<'a> {
     pub before: Option<&'a Weighing>,
 }
 
-/// The choices of the noise for sensitivities that have a number among the stages of a run. What frame contrasts knew about another point
-/// `before` holds here too: no model reaches them.
+/// The choices of the noise for sensitivities that have a number among the stages of a run: those that were weighed about another point
+/// `before`, where they hold here too.
 ///
 /// # Errors
 /// Too few blocks for the dictionary; a folder that cannot be written.
@@ -35,10 +35,16 @@ pub fn weighed(
         before,
     } = of;
     let steps = Weighing::steps(measured);
-    let mut of = bytes_of(forward.model, measured);
-    sensitivities.put(&mut of);
     let step = || progress.step();
     let begin = || progress.begin("noise of the measurement", Some(steps as u64));
+    if let Some(before) = before {
+        begin();
+        if let Some(noise) = before.noise.again(measured, sensitivities, &step)? {
+            return Ok(Weighing::by(noise, sensitivities));
+        }
+    }
+    let mut of = bytes_of(forward.model, measured);
+    sensitivities.put(&mut of);
     let Some(frames) = measured.frames() else {
         let by_component = || {
             begin();
@@ -50,31 +56,15 @@ pub fn weighed(
     };
     let [first, second] = [0, 1].map(|c| with_data(measured, sensitivities, c));
     let columns = [&first, &second];
-    let noise = match before.and_then(|b| known(b, &frames)) {
-        Some(known) => {
-            begin();
-            known
-        }
-        None => {
-            // the search is nearly all of it, and its numbers are few
-            let search = || {
-                begin();
-                found_noise(&frames, columns, &step)
-            };
-            let name = format!("noise-{number}");
-            kept.stage(&name, &of, search, progress)?.over(&frames)?
-        }
+    // the search is nearly all of it, and its numbers are few
+    let search = || {
+        begin();
+        found_noise(&frames, columns, &step)
     };
+    let name = format!("noise-{number}");
+    let noise = kept.stage(&name, &of, search, progress)?.over(&frames)?;
     let settings = settings_under(&frames, columns, noise, &step)?;
     Ok(Weighing::by(Arc::new(settings), sensitivities))
-}
-
-/// The noise of the same frames that was found by contrasts.
-fn known(before: &Weighing, frames: &Frames<'_>) -> Option<FrameNoise> {
-    let noise = &before.noise.by_frames()?.noise;
-    let blocks = noise.spatial[0].covariance.variances().len();
-    let is_same = noise.scales.len() == frames.len() && blocks == frames.blocks.len();
-    (noise.by_contrasts && is_same).then(|| noise.clone())
 }
 
 /// The bytes of a model and of what was measured of it.

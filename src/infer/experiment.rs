@@ -36,6 +36,15 @@ pub fn moved_experiment_over(
     motion: RigidMotion,
     finer: f64,
 ) -> Result<Arc<dyn FieldSolver>> {
+    experiment_on(None, model, (window, motion, finer))
+}
+
+/// The same on the mesh of an experiment that is `known`, with what was solved of it, where that is of the same specimen.
+fn experiment_on(
+    known: Option<&dyn FieldSolver>,
+    model: &Model,
+    (window, motion, finer): ([[f64; 2]; 2], RigidMotion, f64),
+) -> Result<Arc<dyn FieldSolver>> {
     let [low, high] = window;
     let scene = Scene {
         middle: [0, 1].map(|k| 0.5 * (low[k] + high[k])),
@@ -61,8 +70,12 @@ pub fn moved_experiment_over(
         // a simulation asks for one field
         full_order: model.file.reduced_model.full_order || finer > 1.0,
     };
-    let own = Arc::new(FieldExperiment::new(test, scene)?);
-    with_snapshots(model, own)
+    let plate = known.and_then(|known| known.plate_of(&test, &scene));
+    let own = match plate {
+        Some(plate) => FieldExperiment::on(plate, test, scene)?,
+        None => FieldExperiment::new(test, scene)?,
+    };
+    with_snapshots(model, Arc::new(own))
 }
 
 /// The experiment of the model on a mesh of half the density; none where the mesh cannot be that much coarser, or where there is none.
@@ -82,30 +95,45 @@ pub fn coarse_experiment(
     Ok(Some(coarse).filter(|_| is_coarser))
 }
 
-/// The reduced model's problem for a measured field of a specimen that the load turns by `own`, rad.
+/// The reduced model's problem for a measured field of a specimen that the load turns by `own`, rad; on the mesh of an experiment that is
+/// `known`, where that is of the same test.
 ///
 /// # Errors
 /// Those of [`Problem::validate`]; a specimen that cannot be meshed.
-pub fn problem_of(model: &Model, field: &Field, own: f64) -> Result<Problem> {
+pub fn problem_of(
+    model: &Model,
+    field: &Field,
+    own: f64,
+    known: Option<&dyn FieldSolver>,
+) -> Result<Problem> {
     let imaged = model.experiment().measurement.image_correlation.is_some();
     let motion = if imaged {
         rigid::fit(&field.points, &field.displacement).with_own(own)
     } else {
         RigidMotion::NONE
     };
-    problem_over(model, field.measured_bounds(), motion)
+    problem_over(model, field.measured_bounds(), motion, known)
 }
 
 /// The same for a window of measured points, where nothing is known of how the specimen moves.
 ///
 /// # Errors
 /// Those of [`problem_of`].
-pub fn problem_within(model: &Model, window: [[f64; 2]; 2]) -> Result<Problem> {
-    problem_over(model, window, RigidMotion::NONE)
+pub fn problem_within(
+    model: &Model,
+    window: [[f64; 2]; 2],
+    known: Option<&dyn FieldSolver>,
+) -> Result<Problem> {
+    problem_over(model, window, RigidMotion::NONE, known)
 }
 
-fn problem_over(model: &Model, window: [[f64; 2]; 2], motion: RigidMotion) -> Result<Problem> {
-    let experiment = moved_experiment_over(model, window, motion, 1.0)?;
+fn problem_over(
+    model: &Model,
+    window: [[f64; 2]; 2],
+    motion: RigidMotion,
+    known: Option<&dyn FieldSolver>,
+) -> Result<Problem> {
+    let experiment = experiment_on(known, model, (window, motion, 1.0))?;
     let problem = Problem {
         dimensions: dimensions_of(model, &*experiment)?,
         experiment,

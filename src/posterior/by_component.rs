@@ -114,10 +114,39 @@ impl ComponentNoise {
             || components[1].between(blocks, second),
         );
         let choices = [first?, second?].map(|found| likeliest(found, blocks));
-        Ok(Self {
+        Ok(Self::of(choices, blocks))
+    }
+
+    fn of(choices: [Vec<NoiseChoice>; 2], blocks: &Blocks) -> Self {
+        Self {
             pairs: pairs(&choices, blocks),
             choices,
-        })
+        }
+    }
+
+    /// The choices of a component for columns about another point than theirs; none if the likeliest is another one now.
+    fn moved(
+        &self,
+        measured: &Measured,
+        (sensitivities, c): (&Sensitivities, usize),
+        step: &(dyn Fn() + Sync),
+    ) -> Result<Option<Vec<NoiseChoice>>> {
+        let blocks = &measured.blocks;
+        let columns = ComponentColumns::new(measured, sensitivities, c)?;
+        let again = |choice: &NoiseChoice| {
+            let factor = choice.factor(blocks)?;
+            step();
+            Ok(NoiseChoice {
+                factor: KnownFactor(OnceLock::from(Arc::clone(&factor))),
+                ..columns.choice(&factor)?
+            })
+        };
+        let found: Vec<Result<NoiseChoice>> = self.choices[c].par_iter().map(again).collect();
+        let found = found.into_iter().collect::<Result<Vec<_>>>()?;
+        let likelihood = |k: &usize| found[*k].at.log_likelihood;
+        // of those about the other point the first was the likeliest
+        let highest = (0..found.len()).max_by(|a, b| likelihood(a).total_cmp(&likelihood(b)));
+        Ok((highest == Some(0)).then(|| likeliest(found, blocks)))
     }
 
     fn at(&self, pair: &NoisePair) -> [&NoiseChoice; 2] {
@@ -211,6 +240,25 @@ impl NoiseChoices for ComponentNoise {
             ..c.at
         };
         self.at(pair).map(of)
+    }
+
+    fn again(
+        &self,
+        measured: &Measured,
+        sensitivities: &Sensitivities,
+        step: &(dyn Fn() + Sync),
+    ) -> Result<Option<Arc<dyn NoiseChoices>>> {
+        let blocks = &measured.blocks;
+        let mut all = self.choices.iter().flatten();
+        if measured.frames().is_some() || all.any(|c| c.values != blocks.len()) {
+            return Ok(None);
+        }
+        let component = |c: usize| self.moved(measured, (sensitivities, c), step);
+        let (first, second) = rayon::join(|| component(0), || component(1));
+        let found = first?.zip(second?);
+        Ok(found.map(|(first, second)| -> Arc<dyn NoiseChoices> {
+            Arc::new(Self::of([first, second], blocks))
+        }))
     }
 
     fn by_frames(&self) -> Option<&SeriesNoise> {

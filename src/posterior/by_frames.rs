@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::noise_choices::{NoiseChoices, NoisePair, alone, correlated};
+use super::noise_choices::{NoiseChoices, NoisePair, alone, correlated, with_data};
 use crate::error::Result;
 use crate::field::Blocks;
+use crate::linearise::{Measured, Sensitivities};
 use crate::noise::Hyperparameters;
-use crate::noise::series::{Frames, SeriesNoise, Setting, SpatialNoise, grams};
+use crate::noise::series::{Frames, SeriesNoise, Setting, SpatialNoise, grams, settings_under};
 
 impl NoiseChoices for SeriesNoise {
     fn pairs(&self) -> Vec<NoisePair> {
@@ -86,6 +87,27 @@ impl NoiseChoices for SeriesNoise {
             log_likelihood: 0.0,
         };
         self.noise.spatial.each_ref().map(of)
+    }
+
+    /// What frame contrasts know holds about every point: no model reaches them.
+    fn again(
+        &self,
+        measured: &Measured,
+        sensitivities: &Sensitivities,
+        step: &(dyn Fn() + Sync),
+    ) -> Result<Option<Arc<dyn NoiseChoices>>> {
+        let Some(frames) = measured.frames() else {
+            return Ok(None);
+        };
+        let noise = &self.noise;
+        let blocks = noise.spatial[0].covariance.variances().len();
+        let is_same = noise.scales.len() == frames.len() && blocks == frames.blocks.len();
+        if !noise.by_contrasts || !is_same {
+            return Ok(None);
+        }
+        let [first, second] = [0, 1].map(|c| with_data(measured, sensitivities, c));
+        let found = settings_under(&frames, [&first, &second], noise.clone(), step)?;
+        Ok(Some(Arc::new(found)))
     }
 
     fn by_frames(&self) -> Option<&SeriesNoise> {

@@ -66,6 +66,17 @@ pub trait NoiseChoices: Send + Sync {
     /// Hyperparameters of each component of a sum of the steps with some weights; of one field as it is.
     fn of_sum(&self, pair: &NoisePair, weights: &[f64]) -> [Hyperparameters; 2];
 
+    /// The choices for the same blocks' columns about another point, where a search there would not find others.
+    ///
+    /// # Errors
+    /// Of the program: a factorisation that fails.
+    fn again(
+        &self,
+        measured: &Measured,
+        sensitivities: &Sensitivities,
+        step: &(dyn Fn() + Sync),
+    ) -> Result<Option<Arc<dyn NoiseChoices>>>;
+
     /// The noise that frames have measured.
     fn by_frames(&self) -> Option<&SeriesNoise>;
 }

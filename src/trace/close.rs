@@ -318,6 +318,7 @@ fn next_model(round: &Round) -> Option<NextModel> {
         begun: Some(Begun {
             state: begun(round, accepted),
             weighing: round.traced.evidence.weighing.clone(),
+            workbench: round.identification.inverse.prepared.workbench.clone(),
         }),
     })
 }

@@ -18,7 +18,7 @@ use crate::common::{
 
 fn problem(file: &str) -> Problem {
     let model = Model::load(file.as_ref()).unwrap();
-    problem_within(&model, [[-5.0; 2], [5.0; 2]]).unwrap()
+    problem_within(&model, [[-5.0; 2], [5.0; 2]], None).unwrap()
 }
 
 fn states(problem: &Problem, count: usize, seed: u64) -> Vec<State> {

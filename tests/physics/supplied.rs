@@ -64,7 +64,7 @@ impl Bench {
     /// Solve the rows at scattered points of the specimen, mm from `origin` in the data's axes, and write them.
     fn solve(&self, origin: [f64; 2], write: impl Fn(&Path, &[[f64; 2]], &[[f64; 2]])) {
         let model = Model::load(&self.place.join("own.json")).unwrap();
-        let problem = problem_within(&model, WINDOW).unwrap();
+        let problem = problem_within(&model, WINDOW, None).unwrap();
         let experiment = &*problem.experiment;
         let frame = experiment.scene().frame;
         let (sight, _) = experiment.locate(&points(), &[]);

@@ -117,7 +117,7 @@ fn a_mesh_stands_in_place_of_the_strip_s_dimensions() {
 #[test]
 fn the_mesh_is_as_dense_as_declared() {
     let elements = |model: &Model| {
-        let problem = problem_within(model, [[-12.0; 2], [12.0; 2]]).unwrap();
+        let problem = problem_within(model, [[-12.0; 2], [12.0; 2]], None).unwrap();
         problem.experiment.mesh_size()[0] as f64
     };
     let coarse = changed(|m| m["experiments"][0]["mesh_density"] = 0.5.into()).unwrap();

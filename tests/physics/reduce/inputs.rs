@@ -101,7 +101,7 @@ fn with_priors(change: impl Fn(&mut serde_json::Value)) -> Model {
 fn a_box_is_drawn_in_to_what_a_ply_can_be() {
     let model = with_priors(|_| {});
     let said = drawn_in(&model).unwrap();
-    let problem = problem_within(&model, [[-8.0; 2], [8.0; 2]]).unwrap();
+    let problem = problem_within(&model, [[-8.0; 2], [8.0; 2]], None).unwrap();
     let [e1, e2, nu, g] = [0, 1, 2, 3].map(|k| problem.dimensions[k].clone());
     // the priors' +- 3 sd, a quarter of the mean at least
     assert_eq!(
@@ -129,7 +129,7 @@ fn a_box_is_drawn_in_to_what_a_ply_can_be() {
     let declared = with_priors(|m| {
         m["reduced_model"]["doe"] = serde_json::json!({"E1_GPa": [5.0, 25.0]});
     });
-    let problem = problem_within(&declared, [[-8.0; 2], [8.0; 2]]).unwrap();
+    let problem = problem_within(&declared, [[-8.0; 2], [8.0; 2]], None).unwrap();
     assert_eq!(
         [problem.dimensions[0].low, problem.dimensions[0].high],
         [5.0, 25.0]
@@ -138,7 +138,7 @@ fn a_box_is_drawn_in_to_what_a_ply_can_be() {
     let hopeless = with_priors(|m| {
         m["reduced_model"]["doe"] = serde_json::json!({"E1_GPa": [0.3, 25.0]});
     });
-    let error = problem_within(&hopeless, [[-8.0; 2], [8.0; 2]])
+    let error = problem_within(&hopeless, [[-8.0; 2], [8.0; 2]], None)
         .err()
         .unwrap();
     assert!(told(&error).contains("corner of the DoE box"));

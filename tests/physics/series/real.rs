@@ -165,7 +165,8 @@ fn a_real_series_is_closed_only_where_its_misfit_is_explained() {
 }
 
 /// The public FEMU-DIC test as MatchID exported it, whose constants are known: subset declared as 21 px. What acts is named (the registration is
-/// off by half a pixel, subsets are as of 25 px), and nothing else.
+/// off by half a pixel, subsets are as of 25 px), and beside it at most a group that holds what acts as well: the hole of the mesh that made the
+/// pictures is a polygon, .1 % smaller than its circle, which the grey values' interpolation cannot be told from.
 #[test]
 #[ignore = "needs ../shared, 3 minutes"]
 fn the_public_femu_dic_test_is_explained_by_what_acts_in_it() {
@@ -174,8 +175,14 @@ fn the_public_femu_dic_test_is_explained_by_what_acts_in_it() {
     let line = ended.line();
     println!("{line} {}", ended.text);
     let acts = ["registration_offset", "subset_size", "interpolation_bias"];
-    let no_other = ended.effects.iter().all(|e| acts.contains(&e.as_str()));
-    assert!(no_other && ended.effects.len() > 1, "{line}");
+    let is_one = |e: &String| acts.contains(&e.as_str());
+    let named = |e: &String| {
+        let mut groups = ended.alias_groups.iter();
+        is_one(e) || groups.any(|g| g.contains(e) && g.iter().any(is_one))
+    };
+    let no_other = ended.effects.iter().all(named);
+    let both = acts[..2].iter().all(|a| ended.effects.iter().any(|e| e == a));
+    assert!(no_other && both, "{line}");
     assert_eq!(ended.status, Status::Closed, "{line}");
     assert_eq!(ended.held(), 4, "{line}");
     let most = [1.5, 3.0, 3.0, 1.5];
