@@ -166,7 +166,7 @@ fn a_real_series_is_closed_only_where_its_misfit_is_explained() {
 
 /// The public FEMU-DIC test as MatchID exported it, whose constants are known: subset declared as 21 px. What acts is named (the registration is
 /// off by half a pixel, subsets are as of 25 px), and beside it at most a group that holds what acts as well: the hole of the mesh that made the
-/// pictures is a polygon, .1 % smaller than its circle, which the grey values' interpolation cannot be told from.
+/// pictures is a polygon of 32 sides (equal in area to a circle .3 % smaller), which cannot be told from the grey values' interpolation.
 #[test]
 #[ignore = "needs ../shared, 3 minutes"]
 fn the_public_femu_dic_test_is_explained_by_what_acts_in_it() {
