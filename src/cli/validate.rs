@@ -6,7 +6,7 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::Value;
 
-use super::calibrate::{CalibrationArguments, article_twin, calibrate};
+use super::calibrate::{self, CalibrationArguments};
 use super::console::Console;
 use super::field_run::write_identified;
 use super::folder::{Folder, check_run, say_round};
@@ -24,15 +24,15 @@ use crate::report::validation::Validation;
 use crate::sample::{Keeping, LogDensity, Schedule};
 use crate::section::terminal;
 use crate::validate::grid::{self, PosteriorGrid};
-use crate::validate::{priors, quadrature, thickness};
+use crate::validate::{article, priors, quadrature, thickness};
 
 /// Arguments of `validate`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   plychain validate runs/openhole
-  plychain validate models/openhole.json --sbc 20
-  plychain validate models/openhole.json --sbc 20 --loop --correlation-mm 0
-  plychain validate models/openhole.json --verdicts 100 --correlation-mm 0")]
+  plychain validate models/openhole.json --calibrate 20
+  plychain validate models/openhole.json --calibrate 20 --loop --correlation-mm 0
+  plychain validate models/openhole.json --calibrate 100 --loop --effects 3 --correlation-mm 0")]
 pub struct ValidateArguments {
     /// Run folder, or a model file to be identified first
     #[arg(default_value = DEFAULT_MODEL, value_name = "RUN|MODEL")]
@@ -65,8 +65,8 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
         return run_folder(arguments, global, console);
     }
     let model = Model::load_with(&arguments.target, arguments.data.as_ref())?;
-    if let Some(calibration) = arguments.calibration.plan(global.seed)? {
-        return calibrate(&calibration, arguments.out.as_deref(), &model, console);
+    if let Some(plans) = arguments.calibration.plans(global.seed)? {
+        return calibrate::run(&plans, arguments.out.as_deref(), &model, console);
     }
     let mut folder = Folder::create(
         arguments.out.as_deref(),
@@ -105,8 +105,8 @@ fn run_folder(arguments: &ValidateArguments, global: &Global, console: &Console)
     let refused = |what: &str| {
         Err(Error::input(what, "a model file, not a run folder").found(path.display()))
     };
-    if arguments.calibration.is_asked_for() {
-        return refused("--sbc and --verdicts");
+    if arguments.calibration.plans(global.seed)?.is_some() {
+        return refused("--calibrate");
     }
     if arguments.out.is_some() || arguments.data.is_some() {
         return Err(Error::input(
@@ -250,7 +250,9 @@ fn finish(
     console: &Console,
 ) -> Result<()> {
     if arguments.article {
-        let moments = article_twin(model, seed, arguments.nodes, console)?;
+        let place = folder.path().join("article");
+        let of = (seed, arguments.nodes);
+        let moments = article::repeated(model, of, (&cache(), &place), console)?;
         numbers["article"] = article_numbers(&moments);
         print(&terminal(&[article_section(&moments)]))?;
     }
