@@ -16,9 +16,9 @@ use super::{DEFAULT_MODEL, Global, cache, print, results};
 use crate::chain::{Draws, read_zarr, write_csv, write_zarr};
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
-use crate::identify::{self, InverseProblem, Options, SurrogateError};
+use crate::identify::{self, InverseProblem, Options};
 use crate::infer::Model;
-use crate::posterior::PosteriorDensity;
+use crate::posterior::{Importance, PosteriorDensity};
 use crate::report::calibration::{article_numbers, article_section};
 use crate::report::validation::Validation;
 use crate::sample::{Keeping, LogDensity, Schedule};
@@ -92,7 +92,7 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
         folder: &folder,
         inverse: &found.inverse,
         draws: &found.draws,
-        surrogate: &found.surrogate,
+        importance: &found.importance,
     };
     let numbers = validate(arguments, &run, global.seed, console)?;
     finish(arguments, numbers, &model, (&folder, global.seed), console)?;
@@ -138,12 +138,12 @@ fn run_folder(arguments: &ValidateArguments, global: &Global, console: &Console)
             Error::input(path.join("chain.zarr").display(), "a chain with draws").found("none"),
         );
     }
-    let surrogate = identify::checked(&model, (&inverse, &draws), global.seed, console)?;
+    let importance = identify::checked(&model, (&inverse, &draws), global.seed, console)?;
     let run = FinishedRun {
         folder: &folder,
         inverse: &inverse,
         draws: &draws,
-        surrogate: &surrogate,
+        importance: &importance,
     };
     let numbers = validate(arguments, &run, global.seed, console)?;
     finish(arguments, numbers, &model, (&folder, global.seed), console)
@@ -154,8 +154,8 @@ struct FinishedRun<'a> {
     folder: &'a Folder,
     inverse: &'a InverseProblem,
     draws: &'a Draws,
-    /// The density against the finite elements at draws.
-    surrogate: &'a SurrogateError,
+    /// How the draws fare under the finite elements.
+    importance: &'a Importance,
 }
 
 /// Compare the chain with everything else that is known of its posterior, print it, and return it as `validation.json` has it.
@@ -198,7 +198,7 @@ fn validate(
         preview: preview.as_ref(),
         thickness: compared.as_ref(),
         priors: priors.as_ref(),
-        truth: run.surrogate,
+        importance: run.importance,
     };
     let section = validation.section(&arguments.target.display().to_string());
     print(&terminal(&[section]))?;
