@@ -13,8 +13,9 @@ use crate::infer::Model;
 use crate::report::calibration::{calibration_numbers, calibration_section};
 use crate::report::validation::SCHEMA;
 use crate::section::terminal;
-use crate::validate::calibration::{CalibrationPlan, calibrate};
+use crate::validate::calibration::calibrate;
 use crate::validate::coverage::CalibrationSummary;
+use crate::validate::plan::CalibrationPlan;
 
 /// Arguments of `validate --calibrate`.
 #[derive(Debug, Args)]
@@ -76,7 +77,7 @@ impl CalibrationArguments {
                 closes_loop: self.whole_loop,
                 withheld: self.withheld,
                 effects: self.effects,
-                share: share.map(|(task, of)| [task as usize, of as usize]),
+                share: share.map_or([1, 1], |(task, of)| [task as usize, of as usize]),
             })
         };
         self.correlation_mm
@@ -87,23 +88,20 @@ impl CalibrationArguments {
     }
 }
 
-/// Run each plan and print its table; a share has none.
-pub fn run(
-    plans: &[CalibrationPlan],
-    out: Option<&Path>,
-    model: &Model,
-    console: &Console,
-) -> Result<()> {
+/// The folder of a calibration where none is named.
+pub fn folder(plans: &[CalibrationPlan], model: &Model) -> PathBuf {
     let closes_loop = plans.iter().any(|plan| plan.closes_loop);
     let what = if closes_loop { "-loop" } else { "" };
-    let default =
-        || PathBuf::from(super::RUNS).join(format!("{}-calibration{what}", model.file.name));
-    let out = out.map_or_else(default, Path::to_path_buf);
+    PathBuf::from(super::RUNS).join(format!("{}-calibration{what}", model.file.name))
+}
+
+/// Run each plan in a folder and print its table; a share has none.
+pub fn run(plans: &[CalibrationPlan], out: &Path, model: &Model, console: &Console) -> Result<()> {
     let mut all = Vec::new();
     for plan in plans {
         let folder = out.join(format!("calibration-{}mm", plan.correlation_mm));
         let found = calibrate(model, plan, (&cache(), &folder), console)?;
-        if plan.share.is_some() {
+        if plan.share != [1, 1] {
             print(&format!(
                 "{} of {} replicates done, {} mm; the same command without --task makes the table\n",
                 found.len(),

@@ -66,7 +66,9 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
     }
     let model = Model::load_with(&arguments.target, arguments.data.as_ref())?;
     if let Some(plans) = arguments.calibration.plans(global.seed)? {
-        return calibrate::run(&plans, arguments.out.as_deref(), &model, console);
+        let default = || calibrate::folder(&plans, &model);
+        let out = arguments.out.clone().unwrap_or_else(default);
+        return calibrate::run(&plans, &out, &model, console);
     }
     let mut folder = Folder::create(
         arguments.out.as_deref(),
@@ -189,7 +191,7 @@ fn validate(
     );
     let published = inverse.prepared.problem.spec.reference.is_some();
     let priors = small
-        .then(|| priors::compare(posterior, arguments.nodes, published, Some(draws)))
+        .then(|| priors::compare(posterior, arguments.nodes, published, draws))
         .transpose()?;
     let preview = quadrature::preview(posterior, &mode);
     let validation = Validation {

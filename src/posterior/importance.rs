@@ -17,8 +17,8 @@ use crate::files::{Keyed, stored};
 use crate::linearise::{Column, Sensitivities, StepStack};
 use crate::quantity::NM_PER_MM;
 
-/// How an answer's draws fare under the full nonlinear model with all effects.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// How draws fare under the full nonlinear model with all effects.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Importance {
     /// Draws at which the full model was solved, and those that it cannot have.
     pub draws: usize,

@@ -6,9 +6,9 @@ use crate::files::Keyed;
 use crate::infer::Model;
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
 use crate::validate::article;
-use crate::validate::calibration::CalibrationPlan;
 use crate::validate::coverage::{CalibrationSummary, LEVELS, ParameterCoverage};
 use crate::validate::drawn::noise_nm;
+use crate::validate::plan::CalibrationPlan;
 use crate::validate::quadrature::GridMoments;
 
 /// The article's setting beside its published Tables 6 and 7.

@@ -122,7 +122,7 @@ fn round(model: &Model, round: &Identification) -> RoundReport {
         warnings: round.all_warnings(),
         noise: noise(round),
         surrogate: surrogate(round),
-        full_model: Some(round.importance.clone()),
+        full_model: round.importance.clone(),
         steps: Vec::new(),
         linearity: None,
         tracing: None,

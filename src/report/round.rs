@@ -33,9 +33,9 @@ pub struct RoundReport {
     pub warnings: Vec<String>,
     pub noise: NoiseReport,
     pub surrogate: SurrogateReport,
-    /// How the draws fare under the full finite elements; reports of earlier versions lack it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub full_model: Option<Importance>,
+    /// How the draws fare under the full finite elements; at no draws in reports of earlier versions.
+    #[serde(default)]
+    pub full_model: Importance,
     /// The steps of a load series.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<StepReport>,

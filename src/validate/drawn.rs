@@ -1,12 +1,12 @@
 //! What a replicate of a calibration is made of: a draw from all priors, and its measurement on a finer mesh.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
-use super::calibration::CalibrationPlan;
+use super::plan::CalibrationPlan;
 use crate::effect::{Acting, Effect, Kind, force_scale};
 use crate::error::Result;
 use crate::experiment::Gauge;
@@ -135,7 +135,7 @@ impl Drawn {
         let simulated = simulated_series(model, &self.series(model, loads, &declared))?;
         let mut measured = model.clone();
         let experiment = measured.experiment_mut();
-        experiment.measurement.source = source(None);
+        experiment.measurement.source = source();
         // no point of a specimen that moves stands still
         experiment.gauge = Gauge::Window;
         let steps = experiment.steps.iter_mut().flatten();
@@ -177,15 +177,17 @@ pub fn simulated_at(model: &Model, truth: &Truth, place: &Path) -> Result<Model>
     let grid = simulated_field(model, truth)?;
     READERS[0].write(&place, &grid, model.scene().frame)?;
     let mut measured = model.clone();
-    measured.experiment_mut().measurement.source = source(Some(place));
+    let measurement = &mut measured.experiment_mut().measurement;
+    measurement.source = source();
+    measurement.source.path = Some(place);
     Ok(measured)
 }
 
 /// Files as the simulation writes them.
-fn source(path: Option<PathBuf>) -> Source {
+fn source() -> Source {
     Source {
         reader: READERS[0],
-        path,
+        path: None,
         columns: None,
     }
 }

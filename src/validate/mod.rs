@@ -6,6 +6,7 @@ pub mod coverage;
 pub mod design;
 pub mod drawn;
 pub mod grid;
+pub mod plan;
 pub mod priors;
 pub mod quadrature;
 pub mod thickness;

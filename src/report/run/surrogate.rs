@@ -12,13 +12,12 @@ pub fn errors(round: &RoundReport) -> Vec<Piece> {
         true => "Surfaces of more modes through the supplied snapshots",
         false => "The finite elements",
     };
-    let moved = round.full_model.iter();
-    let moved = moved.filter_map(|of| under_the_full_model(of, truth, ""));
+    let moved = under_the_full_model(&round.full_model, truth, "");
     let modes = format!(
         "The surface of the reduced model has {} modes.",
         round.surrogate.modes
     );
-    let said: Vec<String> = moved.chain([modes]).collect();
+    let said: Vec<String> = moved.into_iter().chain([modes]).collect();
     vec![Piece::Paragraph(said.join(" "))]
 }
 

@@ -1,8 +1,8 @@
 //! What a calibration draws.
 
 use plychain::infer::Model;
-use plychain::validate::calibration::CalibrationPlan;
 use plychain::validate::drawn::Drawn;
+use plychain::validate::plan::CalibrationPlan;
 
 const DRAWS: usize = 4000;
 
@@ -15,7 +15,7 @@ fn plan(closes_loop: bool) -> CalibrationPlan {
         closes_loop,
         withheld: false,
         effects: None,
-        share: None,
+        share: [1, 1],
     }
 }
 
