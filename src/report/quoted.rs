@@ -160,7 +160,7 @@ pub(super) fn under_the_full_model(
 ) -> Option<String> {
     let (name, [shift, error]) = of.largest()?;
     let moved = match of.corrected {
-        true => ", and the draws with them",
+        true => " The draws are moved with the means.",
         false => "",
     };
     let mesh = of.mesh_error.map_or_else(String::new, |error| {
@@ -169,7 +169,7 @@ pub(super) fn under_the_full_model(
         )
     });
     Some(format!(
-        "{model} at {} draws{of_answer} moves the means by {shift:+.2} +- {error:.2} sd at most ({name}){moved}, and the field by {:.3} nm.{mesh}",
+        "Under {model}, the means of {} draws{of_answer} move by {shift:+.3} +- {error:.3} sd at most ({name}). The field moves by {:.3} nm at most.{moved}{mesh}",
         of.draws, of.field_nm
     ))
 }
@@ -228,7 +228,7 @@ impl QuotedReport {
                 1 => String::new(),
                 _ => format!(" of the answer {}", answer.name),
             };
-            let model = "The full nonlinear model";
+            let model = "the full nonlinear model";
             let moved = under_the_full_model(&answer.full_model, model, &of);
             said.extend(moved.map(|moved| format!(" {moved}")));
         }

@@ -204,7 +204,7 @@ impl Validation<'_> {
         let moved = under_the_full_model(self.importance, "the finite elements", "");
         let share = 100.0 * self.importance.effective;
         let counted =
-            |moved| format!("{moved} By their likelihood {share:.0} % of the draws count.");
+            |moved| format!("{moved} Of the draws {share:.0} % are effective under them.");
         lines.extend(moved.map(counted));
         Piece::list(lines)
     }

@@ -9,8 +9,8 @@ use crate::section::{Digits, Piece, Section, Table, TableCell, row};
 /// What the finite elements, or what stands for them, say of the reduced model.
 pub fn errors(round: &RoundReport) -> Vec<Piece> {
     let truth = match round.surrogate.supplied {
-        true => "Surfaces of more modes through the supplied snapshots",
-        false => "The finite elements",
+        true => "surfaces of more modes through the supplied snapshots",
+        false => "the finite elements",
     };
     let moved = under_the_full_model(&round.full_model, truth, "");
     let modes = format!(
