@@ -21,7 +21,10 @@ pub struct CalibrationSpec {
     /// Of the whole loop.
     #[serde(default, rename = "loop")]
     pub whole_loop: bool,
-    /// With `loop`: what acts is not in the dictionary.
+    /// With `loop`: up to how many effects act, in place of as many as the loop expects.
+    #[serde(default)]
+    pub effects: Option<u16>,
+    /// With `loop`: one that acts is not in the dictionary.
     #[serde(default)]
     pub withheld: bool,
 }
@@ -44,10 +47,14 @@ impl CalibrationSpec {
         if !(1..=self.replicates).contains(&self.shares) {
             return refuse("shares", "a number from 1 to that of the replicates");
         }
-        if self.withheld && !self.whole_loop {
-            return refuse("withheld", "\"loop\": true beside it");
+        let of_loop = [
+            ("withheld", self.withheld),
+            ("effects", self.effects.is_some()),
+        ];
+        if let Some((key, _)) = of_loop.iter().find(|(_, is)| *is && !self.whole_loop) {
+            return refuse(key, "\"loop\": true beside it");
         }
-        let mut all = vec!["--sbc".to_string(), self.replicates.to_string()];
+        let mut all = vec!["--calibrate".to_string(), self.replicates.to_string()];
         if !self.correlation_mm.is_empty() {
             let lengths = self.correlation_mm.iter().map(f64::to_string);
             let lengths = lengths.collect::<Vec<_>>().join(",");
@@ -55,6 +62,9 @@ impl CalibrationSpec {
         }
         if let Some(grid) = self.grid {
             all.extend(["--grid".into(), grid.to_string()]);
+        }
+        if let Some(effects) = self.effects {
+            all.extend(["--effects".into(), effects.to_string()]);
         }
         let flags = [(self.whole_loop, "--loop"), (self.withheld, "--withheld")];
         let flags = flags.iter().filter(|(on, _)| *on);

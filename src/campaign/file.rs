@@ -20,7 +20,7 @@ pub enum Verb {
     Identify,
     #[default]
     Loop,
-    /// Simulation-based calibration, `validate --sbc`.
+    /// Simulation-based calibration, `validate --calibrate`.
     Calibrate,
 }
 

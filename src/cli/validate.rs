@@ -6,7 +6,7 @@ use std::time::Instant;
 use clap::Args;
 use serde_json::Value;
 
-use super::calibrate::{CalibrationArguments, article_twin, calibrate};
+use super::calibrate::{self, CalibrationArguments};
 use super::console::Console;
 use super::field_run::write_identified;
 use super::folder::{Folder, check_run, say_round};
@@ -16,23 +16,23 @@ use super::{DEFAULT_MODEL, Global, cache, print, results};
 use crate::chain::{Draws, read_zarr, write_csv, write_zarr};
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
-use crate::identify::{self, InverseProblem, Options, SurrogateError};
+use crate::identify::{self, InverseProblem, Options};
 use crate::infer::Model;
-use crate::posterior::PosteriorDensity;
+use crate::posterior::{Importance, PosteriorDensity};
 use crate::report::calibration::{article_numbers, article_section};
 use crate::report::validation::Validation;
 use crate::sample::{Keeping, LogDensity, Schedule};
 use crate::section::terminal;
 use crate::validate::grid::{self, PosteriorGrid};
-use crate::validate::{priors, quadrature, thickness};
+use crate::validate::{article, priors, quadrature, thickness};
 
 /// Arguments of `validate`.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   plychain validate runs/openhole
-  plychain validate models/openhole.json --sbc 20
-  plychain validate models/openhole.json --sbc 20 --loop --correlation-mm 0
-  plychain validate models/openhole.json --verdicts 100 --correlation-mm 0")]
+  plychain validate models/openhole.json --calibrate 20
+  plychain validate models/openhole.json --calibrate 20 --loop --correlation-mm 0
+  plychain validate models/openhole.json --calibrate 100 --loop --effects 3 --correlation-mm 0")]
 pub struct ValidateArguments {
     /// Run folder, or a model file to be identified first
     #[arg(default_value = DEFAULT_MODEL, value_name = "RUN|MODEL")]
@@ -65,8 +65,10 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
         return run_folder(arguments, global, console);
     }
     let model = Model::load_with(&arguments.target, arguments.data.as_ref())?;
-    if let Some(calibration) = arguments.calibration.plan(global.seed)? {
-        return calibrate(&calibration, arguments.out.as_deref(), &model, console);
+    if let Some(plans) = arguments.calibration.plans(global.seed)? {
+        let default = || calibrate::folder(&plans, &model);
+        let out = arguments.out.clone().unwrap_or_else(default);
+        return calibrate::run(&plans, &out, &model, console);
     }
     let mut folder = Folder::create(
         arguments.out.as_deref(),
@@ -92,7 +94,7 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
         folder: &folder,
         inverse: &found.inverse,
         draws: &found.draws,
-        surrogate: &found.surrogate,
+        importance: &found.importance,
     };
     let numbers = validate(arguments, &run, global.seed, console)?;
     finish(arguments, numbers, &model, (&folder, global.seed), console)?;
@@ -105,8 +107,8 @@ fn run_folder(arguments: &ValidateArguments, global: &Global, console: &Console)
     let refused = |what: &str| {
         Err(Error::input(what, "a model file, not a run folder").found(path.display()))
     };
-    if arguments.calibration.is_asked_for() {
-        return refused("--sbc and --verdicts");
+    if arguments.calibration.plans(global.seed)?.is_some() {
+        return refused("--calibrate");
     }
     if arguments.out.is_some() || arguments.data.is_some() {
         return Err(Error::input(
@@ -138,12 +140,12 @@ fn run_folder(arguments: &ValidateArguments, global: &Global, console: &Console)
             Error::input(path.join("chain.zarr").display(), "a chain with draws").found("none"),
         );
     }
-    let surrogate = identify::checked(&model, (&inverse, &draws), global.seed, console)?;
+    let importance = identify::checked(&model, (&inverse, &draws), global.seed, console)?;
     let run = FinishedRun {
         folder: &folder,
         inverse: &inverse,
         draws: &draws,
-        surrogate: &surrogate,
+        importance: &importance,
     };
     let numbers = validate(arguments, &run, global.seed, console)?;
     finish(arguments, numbers, &model, (&folder, global.seed), console)
@@ -154,8 +156,8 @@ struct FinishedRun<'a> {
     folder: &'a Folder,
     inverse: &'a InverseProblem,
     draws: &'a Draws,
-    /// The density against the finite elements at draws.
-    surrogate: &'a SurrogateError,
+    /// How the draws fare under the finite elements.
+    importance: &'a Importance,
 }
 
 /// Compare the chain with everything else that is known of its posterior, print it, and return it as `validation.json` has it.
@@ -189,7 +191,7 @@ fn validate(
     );
     let published = inverse.prepared.problem.spec.reference.is_some();
     let priors = small
-        .then(|| priors::compare(posterior, arguments.nodes, published, Some(draws)))
+        .then(|| priors::compare(posterior, arguments.nodes, published, draws))
         .transpose()?;
     let preview = quadrature::preview(posterior, &mode);
     let validation = Validation {
@@ -198,7 +200,7 @@ fn validate(
         preview: preview.as_ref(),
         thickness: compared.as_ref(),
         priors: priors.as_ref(),
-        truth: run.surrogate,
+        importance: run.importance,
     };
     let section = validation.section(&arguments.target.display().to_string());
     print(&terminal(&[section]))?;
@@ -250,7 +252,9 @@ fn finish(
     console: &Console,
 ) -> Result<()> {
     if arguments.article {
-        let moments = article_twin(model, seed, arguments.nodes, console)?;
+        let place = folder.path().join("article");
+        let of = (seed, arguments.nodes);
+        let moments = article::repeated(model, of, (&cache(), &place), console)?;
         numbers["article"] = article_numbers(&moments);
         print(&terminal(&[article_section(&moments)]))?;
     }

@@ -7,10 +7,10 @@ use super::misfit::AgainstNoise;
 use super::patterns::Patterns;
 use super::residual::Residual;
 use super::structure::Structure;
-use super::surrogate::SurrogateError;
 use crate::chain::Draws;
 use crate::diagnose::Verdict;
 use crate::linearise::StepStack;
+use crate::posterior::Importance;
 use crate::sample::Stopped;
 
 /// One identification: the inverse problem, its draws and what they are worth.
@@ -21,8 +21,8 @@ pub struct Identification {
     pub stopped: Stopped,
     /// Convergence of the chains, and moments of every parameter.
     pub verdict: Verdict,
-    /// The density against the finite elements at draws.
-    pub surrogate: SurrogateError,
+    /// How the draws fare under the finite elements.
+    pub importance: Importance,
     /// Mean and sd of each declared effect's amplitudes, border units.
     pub effect_amplitudes: Vec<(String, f64, f64)>,
     /// What the posterior mean leaves unexplained.

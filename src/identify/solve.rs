@@ -15,7 +15,6 @@ use super::patterns::Patterns;
 use super::prepared::{Begun, Prepared, is_clear, prepare_from};
 use super::residual::Residual;
 use super::structure::Structure;
-use super::surrogate::SurrogateError;
 use super::warnings::{NO_MODE, first_fit, warnings};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
@@ -25,7 +24,8 @@ use crate::infer::Model;
 use crate::linearise::Column;
 use crate::parameter::Parameter;
 use crate::posterior::{
-    CompletedDraw, Full, FullModels, Inclusion, PosteriorDensity, complete, linear,
+    CompletedDraw, Full, FullModels, Importance, Inclusion, PosedDraws, PosteriorDensity, complete,
+    linear,
 };
 use crate::progress::Progress;
 use crate::sample::{
@@ -236,7 +236,7 @@ fn assessed(
     draws.lp().to_vec().put(&mut of);
     let drawn = (&*completed.0, &*completed.1);
     let measure = || against_elements(model, &inverse, drawn, progress);
-    let surrogate = options
+    let importance = options
         .stages()
         .stage("finite-elements", &of, measure, progress)?;
     let field = &inverse.prepared.observation.field;
@@ -257,7 +257,7 @@ fn assessed(
         draws,
         stopped,
         verdict,
-        surrogate,
+        importance,
         residual,
     };
     found.warnings = warnings(model, &found);
@@ -334,7 +334,7 @@ fn of_effects(
         .collect()
 }
 
-/// The density against the finite elements at draws of it.
+/// How draws of the density fare under the finite elements.
 ///
 /// # Errors
 /// Those of a finite-element solution; draws of another density.
@@ -343,7 +343,7 @@ pub fn checked(
     (inverse, draws): (&InverseProblem, &Draws),
     seed: u64,
     progress: &dyn Progress,
-) -> Result<SurrogateError> {
+) -> Result<Importance> {
     let (points, drawn) = completed(inverse, draws, seed)?;
     against_elements(model, inverse, (&points, &drawn), progress)
 }
@@ -352,9 +352,9 @@ pub fn checked(
 fn against_elements(
     model: &Model,
     inverse: &InverseProblem,
-    completed: (&[Vec<f64>], &[CompletedDraw]),
+    (points, drawn): (&[Vec<f64>], &[CompletedDraw]),
     progress: &dyn Progress,
-) -> Result<SurrogateError> {
+) -> Result<Importance> {
     progress.begin("finite elements at posterior draws", None);
     let InverseProblem {
         prepared,
@@ -379,14 +379,19 @@ fn against_elements(
         fine: &full(&fine, &expanded.here),
         coarse: rough.as_ref(),
     };
-    let error = SurrogateError::measure(&inverse.posed, completed, models)?;
-    progress.say(&format!(
-        "{:.3} % of a posterior sd",
-        100.0 * error.max_sd()
-    ));
+    let posed = &inverse.posed;
+    let importance = PosedDraws {
+        posed,
+        points,
+        drawn,
+    }
+    .importance(models)?;
+    if let Some((name, [shift, error])) = importance.largest() {
+        progress.say(&format!("{name} {shift:+.2} +- {error:.2} sd"));
+    }
     progress.end();
     prepared.problem.experiment.rest();
-    Ok(error)
+    Ok(importance)
 }
 
 /// Draws of each chain below which nothing can be said, not even how uncertain it is.

@@ -9,7 +9,7 @@ use crate::laminate::Material;
 use crate::parameter::Parameter;
 use crate::parameter::is_modulus;
 use crate::posterior::REASON_SDS;
-use crate::posterior::importance::FAR;
+use crate::posterior::importance::{FAR, TOLERANCE};
 use crate::quantity::{NM_PER_MM, plus_minus};
 
 /// A posterior mean this many prior sd away from the prior's mean contradicts it.
@@ -48,7 +48,7 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
     said.extend(repeated(of));
     said.extend(off_the_mesh(model, of));
     said.extend(of_mesh(model, of));
-    said.extend(of.surrogate.farthest().map(|(name, sds)| {
+    said.extend(of.importance.beyond(TOLERANCE).map(|(name, [sds, _])| {
         format!("The finite elements have {name} {sds:+.2} posterior sd from where the density has it. A loop moves the draws that it quotes by as much, up to {FAR} sd.")
     }));
     said

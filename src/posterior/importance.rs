@@ -15,9 +15,10 @@ use crate::diagnose::weigh;
 use crate::error::Result;
 use crate::files::{Keyed, stored};
 use crate::linearise::{Column, Sensitivities, StepStack};
+use crate::quantity::NM_PER_MM;
 
-/// How an answer's draws fare under the full nonlinear model with all effects.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// How draws fare under the full nonlinear model with all effects.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Importance {
     /// Draws at which the full model was solved, and those that it cannot have.
     pub draws: usize,
@@ -30,6 +31,9 @@ pub struct Importance {
     pub shift_error_sd: Keyed<f64>,
     /// Whether the draws are moved by that.
     pub corrected: bool,
+    /// Largest difference of the prediction at a block of points over all draws, nm.
+    #[serde(default)]
+    pub field_nm: f64,
     /// By how much the fine mesh changes the log weight of one draw, where what the full model adds to the answer is taken from a coarse mesh.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh_error: Option<f64>,
@@ -42,12 +46,16 @@ stored!(Importance {
     shift_sd,
     shift_error_sd,
     corrected,
+    field_nm,
     mesh_error
 });
 
 /// Errors of a shift beyond which the draws are moved by it, and posterior sds beyond which one Newton step no longer says how far.
 const ERRORS: f64 = 2.0;
 pub const FAR: f64 = 0.3;
+
+/// Largest shift, posterior sds, that is not worth a word.
+pub const TOLERANCE: f64 = 0.05;
 
 impl Importance {
     /// The constant that moves farthest, with its shift and the error of that, posterior sds.
@@ -57,21 +65,21 @@ impl Importance {
         each.max_by(|a, b| a.1[0].abs().total_cmp(&b.1[0].abs()))
     }
 
-    /// The constant that moves by more than one Newton step can say.
-    pub fn far(&self) -> Option<(&str, [f64; 2])> {
-        self.largest().filter(|(_, [shift, _])| shift.abs() > FAR)
+    /// The constant that moves farthest, if that is beyond a limit.
+    pub fn beyond(&self, limit: f64) -> Option<(&str, [f64; 2])> {
+        self.largest().filter(|(_, [shift, _])| shift.abs() > limit)
     }
 }
 
 /// The density against the full model at some draws.
-pub struct Compared {
-    pub chosen: Vec<usize>,
+struct Compared {
+    chosen: Vec<usize>,
     /// By how much the prediction of the full model differs, mm, at those that it can have.
-    pub errors: Vec<StepStack>,
+    errors: Vec<StepStack>,
     /// By how much that moves the mode of the constants, posterior sds.
-    pub shifts: Vec<DVector<f64>>,
+    shifts: Vec<DVector<f64>>,
     /// Log weights.
-    pub logs: Vec<f64>,
+    logs: Vec<f64>,
     mesh_error: Option<f64>,
 }
 
@@ -104,12 +112,11 @@ pub const CHECKED_DRAWS: usize = 12;
 const TOO_COARSE: f64 = 0.1;
 
 impl PosedDraws<'_> {
-    /// Hold the draws against the full model, and by how much that moves each of the constants, border units: not where it is no more than its
-    /// error, or farther than one Newton step can say.
+    /// Hold the draws against the full model.
     ///
     /// # Errors
     /// Of the program: a factorisation that fails.
-    pub fn importance(&self, models: FullModels<'_>) -> Result<(Importance, Vec<f64>)> {
+    pub fn importance(&self, models: FullModels<'_>) -> Result<Importance> {
         let compared = self.compared(models)?;
         let own = compared.chosen.iter().map(|&k| &*self.points[k]);
         let weighed = weigh(&own.collect::<Vec<_>>(), &compared.logs);
@@ -128,23 +135,32 @@ impl PosedDraws<'_> {
             let pairs = names.iter().cloned().zip(&shifts);
             pairs.map(|(name, s)| (name, s[which])).collect()
         };
-        let is_near = shifts.iter().all(|[shift, _]| shift.abs() <= FAR);
-        let sds = self.covariance().diagonal().map(f64::sqrt);
-        let correction = |([shift, error], sd): (&[f64; 2], &f64)| {
-            let moved = is_near && shift.abs() > ERRORS * error;
-            if moved { shift * sd } else { 0.0 }
-        };
-        let by: Vec<f64> = shifts.iter().zip(sds.iter()).map(correction).collect();
-        let found = Importance {
+        let errors = compared.errors.iter().flatten();
+        let field = errors.flat_map(|e| e.iter().map(|mm| mm.abs()));
+        Ok(Importance {
             draws: compared.chosen.len(),
             impossible: weighed.impossible,
             effective: weighed.effective,
             shift_sd: keyed(0),
             shift_error_sd: keyed(1),
-            corrected: by.iter().any(|by| *by != 0.0),
+            corrected: false,
+            field_nm: field.fold(0.0, f64::max) * NM_PER_MM,
             mesh_error: compared.mesh_error,
+        })
+    }
+
+    /// By how much the full model moves each of the constants, border units: not where it is no more than its error, or farther than one
+    /// Newton step can say.
+    pub fn correction(&self, importance: &Importance) -> Vec<f64> {
+        let is_near = importance.beyond(FAR).is_none();
+        let sds = self.covariance().diagonal().map(f64::sqrt);
+        let shifts = importance.shift_sd.values();
+        let shifts = shifts.zip(importance.shift_error_sd.values());
+        let correction = |((shift, error), sd): ((&f64, &f64), &f64)| {
+            let moved = is_near && shift.abs() > ERRORS * error;
+            if moved { shift * sd } else { 0.0 }
         };
-        Ok((found, by))
+        shifts.zip(sds.iter()).map(correction).collect()
     }
 
     /// The coarse mesh, if the fine one makes the same of the first draw, and how far the log weights of that are apart.
@@ -257,10 +273,7 @@ impl PosedDraws<'_> {
     }
 
     /// The density against the full model at some draws.
-    ///
-    /// # Errors
-    /// Those of a finite-element solution where the test was linearised.
-    pub fn compared(&self, models: FullModels<'_>) -> Result<Compared> {
+    fn compared(&self, models: FullModels<'_>) -> Result<Compared> {
         let (test, mesh_error) = self.on_a_mesh(models)?;
         let all = self.points.len();
         let count = CHECKED_DRAWS.min(all);

@@ -7,7 +7,7 @@ use super::quoted::quoted;
 use super::residual::{NoiseComponent, NoiseReport, ResidualReport, RmsReport};
 use super::round::{Convergence, Correlation, MeanAndSd, PosteriorSummary, RoundReport};
 use super::steps::{HeldOutReport, LinearityReport, StepReport};
-use super::surrogate::{FieldErrorReport, SurrogateReport};
+use super::surrogate::SurrogateReport;
 use super::traced::{blind_spots, map, tracing};
 use super::verdict::{BeforeAfter, Shifted};
 use super::words::widening;
@@ -122,6 +122,7 @@ fn round(model: &Model, round: &Identification) -> RoundReport {
         warnings: round.all_warnings(),
         noise: noise(round),
         surrogate: surrogate(round),
+        full_model: round.importance.clone(),
         steps: Vec::new(),
         linearity: None,
         tracing: None,
@@ -244,18 +245,8 @@ fn noise(round: &Identification) -> NoiseReport {
 
 fn surrogate(round: &Identification) -> SurrogateReport {
     let reduced = &round.inverse.prepared.reduced;
-    let error = &round.surrogate;
-    let biases = error.shift_sd.iter().zip(&error.bias_sd);
     SurrogateReport {
-        max_error_in_posterior_sd: error.max_sd(),
-        error_in_posterior_sd: error.shift_sd.iter().cloned().collect(),
-        bias_in_posterior_sd: biases.map(|((name, _), b)| (name.clone(), *b)).collect(),
-        truth_draws: error.draws,
         supplied: round.inverse.prepared.problem.experiment.given().is_some(),
-        field_error_nm: FieldErrorReport {
-            max: error.max_field_nm,
-            rms: error.rms_field_nm,
-        },
         variables: reduced.surface.variables.choice,
         modes: round.inverse.posed.expanded.surface.count(),
         doe: reduced.sides(),

@@ -7,6 +7,7 @@ use super::sources::{WidthSource, sources};
 use crate::chain::Draws;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::posterior::Importance;
+use crate::posterior::importance::FAR;
 use crate::trace::{Closed, Interval, Proposals, ToQuote, closed_forms};
 
 /// What was sampled for the quoted constants; its draws are `averaged/chain.zarr`.
@@ -151,13 +152,15 @@ fn correlation(draws: &Draws, a: &str, b: &str) -> Option<f64> {
     Some(sums[2] / (sums[0] * sums[1]).sqrt()).filter(|r| r.is_finite())
 }
 
-/// What the full model makes of an answer's draws.
-fn under_the_full_model(of: &Importance, answer: &str) -> String {
-    let Some((name, [shift, error])) = of.largest() else {
-        return String::new();
-    };
+/// What a full `model` makes of draws, `of_answer` where there are several.
+pub(super) fn under_the_full_model(
+    of: &Importance,
+    model: &str,
+    of_answer: &str,
+) -> Option<String> {
+    let (name, [shift, error]) = of.largest()?;
     let moved = match of.corrected {
-        true => ", and the draws with them",
+        true => " The draws are moved with the means.",
         false => "",
     };
     let mesh = of.mesh_error.map_or_else(String::new, |error| {
@@ -165,16 +168,16 @@ fn under_the_full_model(of: &Importance, answer: &str) -> String {
             " What it adds is a difference on a coarse mesh: the fine mesh changes the log weight of one draw by {error:.1e}."
         )
     });
-    format!(
-        " The full nonlinear model at {} draws{answer} moves the means by {shift:+.2} +- {error:.2} sd at most ({name}){moved}.{mesh}",
-        of.draws,
-    )
+    Some(format!(
+        "Under {model}, the means of {} draws{of_answer} move by {shift:+.3} +- {error:.3} sd at most ({name}). The field moves by {:.3} nm at most.{moved}{mesh}",
+        of.draws, of.field_nm
+    ))
 }
 
 impl QuotedReport {
     /// A warning where the full model has the constants elsewhere.
     pub fn doubt(&self) -> Option<String> {
-        let largest = self.answers.iter().filter_map(|a| a.full_model.far());
+        let largest = self.answers.iter().filter_map(|a| a.full_model.beyond(FAR));
         let farthest = largest.max_by(|a, b| a.1[0].abs().total_cmp(&b.1[0].abs()));
         farthest.map(|(name, [shift, error])| {
             format!(
@@ -225,7 +228,9 @@ impl QuotedReport {
                 1 => String::new(),
                 _ => format!(" of the answer {}", answer.name),
             };
-            said += &under_the_full_model(&answer.full_model, &of);
+            let model = "the full nonlinear model";
+            let moved = under_the_full_model(&answer.full_model, model, &of);
+            said.extend(moved.map(|moved| format!(" {moved}")));
         }
         said
     }

@@ -10,6 +10,7 @@ use super::tracing::TracingReport;
 use crate::infer::MaterialSpec;
 use crate::laminate::MeanSd;
 use crate::parameter::{Parameter, ParameterKind};
+use crate::posterior::Importance;
 pub use crate::quantity::MeanAndSd;
 
 /// One identification, and in a loop what its residual was traced to.
@@ -32,6 +33,9 @@ pub struct RoundReport {
     pub warnings: Vec<String>,
     pub noise: NoiseReport,
     pub surrogate: SurrogateReport,
+    /// How the draws fare under the full finite elements; at no draws in reports of earlier versions.
+    #[serde(default)]
+    pub full_model: Importance,
     /// The steps of a load series.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<StepReport>,

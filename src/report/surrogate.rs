@@ -5,21 +5,12 @@ use serde::{Deserialize, Serialize};
 use super::json::Keyed;
 use crate::reduce::Choice;
 
-/// The reduced model's own error, measured by the finite elements at draws of the posterior.
+/// The reduced model: what it is made of.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SurrogateReport {
-    /// Largest shift of any parameter, posterior sds.
-    pub max_error_in_posterior_sd: f64,
-    pub error_in_posterior_sd: Keyed<f64>,
-    /// Mean shift of each: what does not average out.
-    #[serde(default)]
-    pub bias_in_posterior_sd: Keyed<f64>,
-    /// Draws at which the finite elements were solved.
-    pub truth_draws: usize,
     /// Whether the snapshots are another program's: what stands for the finite elements then are surfaces through them of more modes.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub supplied: bool,
-    pub field_error_nm: FieldErrorReport,
     pub variables: Choice,
     pub modes: usize,
     /// Low and high side of the box.
@@ -28,21 +19,4 @@ pub struct SurrogateReport {
     #[serde(default)]
     pub press_mm: Vec<f64>,
     pub cached: bool,
-}
-
-impl SurrogateReport {
-    /// What the reduced model is held against.
-    pub fn truth(&self) -> &'static str {
-        match self.supplied {
-            true => "surfaces of more modes through the supplied snapshots",
-            false => "the finite elements",
-        }
-    }
-}
-
-/// Error of a field, nm.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct FieldErrorReport {
-    pub max: f64,
-    pub rms: f64,
 }

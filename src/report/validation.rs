@@ -3,7 +3,9 @@
 use serde_json::{Map, Value, json};
 
 use crate::diagnose::Row;
-use crate::identify::SurrogateError;
+use crate::posterior::Importance;
+use crate::posterior::importance::TOLERANCE;
+use crate::report::quoted::under_the_full_model;
 use crate::section::{Piece, Section, Table, TableCell, row};
 use crate::validate::grid::PosteriorGrid;
 use crate::validate::priors::PriorTable;
@@ -33,8 +35,8 @@ pub struct Validation<'a> {
     pub thickness: Option<&'a Comparison>,
     /// Other priors.
     pub priors: Option<&'a PriorTable>,
-    /// The finite elements at posterior draws.
-    pub truth: &'a SurrogateError,
+    /// How the draws fare under the finite elements.
+    pub importance: &'a Importance,
 }
 
 /// Difference of moments from the chain: mean in the chain's sd, sd in %.
@@ -78,16 +80,7 @@ impl Validation<'_> {
             "trusted": self.doubts().is_empty(),
             "doubts": self.doubts(),
             "chain": self.chain.iter().map(|r| (r.name.clone(), json!({ "mean": r.mean, "sd": r.sd }))).collect::<Map<_, _>>(),
-            "finite_elements": {
-                "draws": self.truth.draws,
-                "max_error_in_posterior_sd": self.truth.max_sd(),
-                "error_in_posterior_sd": self.truth.shift_sd.iter().map(|(n, s)| (n.clone(), json!(s))).collect::<Map<_, _>>(),
-                "effective_draws": self.truth.effective_draws(),
-                "log_importance_weights": self.truth.log_weights,
-                "moments_at_draws": self.truth.moments.iter().map(|m| (m.name.clone(), json!({
-                    "mean": m.plain[0], "sd": m.plain[1], "weighted_mean": m.weighted[0], "weighted_sd": m.weighted[1],
-                }))).collect::<Map<_, _>>(),
-            },
+            "finite_elements": self.importance,
         });
         if let Some((grid, seconds)) = self.grid {
             let mut numbers = moments_json(self.chain, &grid.moments);
@@ -144,10 +137,9 @@ impl Validation<'_> {
                 c.worst()
             ));
         }
-        if self.truth.max_sd() > crate::identify::TOLERANCE {
+        if let Some((name, [shift, error])) = self.importance.beyond(TOLERANCE) {
             doubts.push(format!(
-                "the density's error moves a constant by {:.1} % of a posterior sd; with the finite elements' likelihood {:.1} of {} draws count",
-                100.0 * self.truth.max_sd(), self.truth.effective_draws(), self.truth.draws
+                "the finite elements have {name} {shift:+.2} +- {error:.2} sd from where the density has it"
             ));
         }
         doubts
@@ -156,7 +148,7 @@ impl Validation<'_> {
     /// One screen.
     pub fn section(&self, title: &str) -> Section {
         let mut section = Section::new(format!("validation of {title}")).with(self.moments());
-        section.extend(self.accounts());
+        section.push(self.accounts());
         section.extend(self.priors.and_then(priors).into_iter().flatten());
         let doubts = self.doubts();
         if doubts.is_empty() {
@@ -193,7 +185,7 @@ impl Validation<'_> {
     }
 
     /// What the grid, the thickness by Monte Carlo and the finite elements say.
-    fn accounts(&self) -> Vec<Piece> {
+    fn accounts(&self) -> Piece {
         let mut lines = Vec::new();
         if let Some((grid, seconds)) = self.grid {
             let nodes = grid.nodes.len();
@@ -209,18 +201,12 @@ impl Validation<'_> {
                 )
             }));
         }
-        let t = self.truth;
-        lines.push(format!(
-            "finite elements at {} draws: error {:.3} % of a posterior sd, {:.1} effective draws by their likelihood",
-            t.draws,
-            100.0 * t.max_sd(),
-            t.effective_draws()
-        ));
-        let mut pieces = vec![Piece::list(lines)];
-        if t.max_sd() > crate::identify::TOLERANCE {
-            pieces.push(reweighted(t).into());
-        }
-        pieces
+        let moved = under_the_full_model(self.importance, "the finite elements", "");
+        let share = 100.0 * self.importance.effective;
+        let counted =
+            |moved| format!("{moved} Of the draws {share:.0} % are effective under them.");
+        lines.extend(moved.map(counted));
+        Piece::list(lines)
     }
 }
 
@@ -242,26 +228,6 @@ fn priors(priors: &PriorTable) -> Option<Vec<Piece>> {
         format!("{percent:.2} % of the draws lie outside the box of {name}")
     });
     Some(vec![table.into(), Piece::list(outside)])
-}
-
-/// What the finite elements' likelihood makes of the draws at which they were solved.
-fn reweighted(truth: &SurrogateError) -> Table {
-    let rows = truth.moments.iter().map(|m| {
-        let ([mean, sd], [by_weight, sd_by_weight]) = (m.plain, m.weighted);
-        let cells = TableCell::as_precise_as(sd, [mean, sd, by_weight, sd_by_weight]);
-        row(&m.name, cells)
-    });
-    let caption = format!(
-        "the {} draws, plain and weighted by the finite elements' likelihood; {:.1} of them count, so that a weighted mean is known to {:.1} sd",
-        truth.draws,
-        truth.effective_draws(),
-        1.0 / truth.effective_draws().sqrt()
-    );
-    Table::new(
-        caption,
-        ["", "mean", "sd", "weighted mean", "weighted sd"],
-        rows,
-    )
 }
 
 fn duration(seconds: f64) -> String {

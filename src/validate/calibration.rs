@@ -1,323 +1,345 @@
-//! Simulation-based calibration (Talts et al. 2018): draws from the prior, simulated measurements of them, the whole
-//! identification of each, and where the truth lies among the posterior's draws.
+//! Simulation-based calibration (Talts et al. 2018): constants, forces, thickness, effects and noise are drawn from their priors, a field or a
+//! load series is simulated with all of them on a finer mesh, the model is identified from it, or the loop is closed on it, and the truth is
+//! looked for among what is quoted.
 //!
-//! With 200 replicates each (about half an hour of one core) the ranks of the four constants are uniform (Kolmogorov-Smirnov
-//! p between 0.2 and 0.9) and their 90 % intervals hold 86 to 92 % of the truths, with white noise and with noise correlated
-//! over 1 mm (two seeds) alike. Those of `noise_nm` are so in white noise (p = 0.7, 88 % held); in noise correlated over 1 mm
-//! (p = 0.02 and 0.08, 92 % held) it is a quarter and an eighth of its sd too large on average, as noise correlated over
-//! 1 mm might have a white part.
+//! With 200 replicates each the ranks of the four constants of an identification are uniform (Kolmogorov-Smirnov p between 0.2 and 0.9) and
+//! their 90 % intervals hold 86 to 92 % of the truths, with white noise and with noise correlated over 1 mm (two seeds) alike. Those of
+//! `noise_nm` are so in white noise (p = 0.7, 88 % held); in noise correlated over 1 mm (p = 0.02 and 0.08, 92 % held) it is a quarter and an
+//! eighth of its sd too large on average, as noise correlated over 1 mm might have a white part. The fields were on the model's own mesh.
 
-use std::path::Path;
+use std::io::ErrorKind;
+use std::path::{Path, PathBuf};
 
-use rand::{RngExt, SeedableRng};
-use rand_distr::{Distribution, StandardNormal};
-use rand_pcg::Pcg64Dxsm;
+use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use statrs::distribution::{Binomial, ChiSquared, ContinuousCDF, DiscreteCDF};
+use sha2::{Digest, Sha256};
 
-pub use super::replicates::ReplicatePlan;
-use super::replicates::{Numbered, replicates};
-use super::twin::{Twin, TwinTruth};
+use super::drawn::Drawn;
+use super::plan::CalibrationPlan;
 use crate::chain::Draws;
-use crate::diagnose::Rule;
-use crate::error::Result;
-use crate::identify::start;
-use crate::infer::Model;
-use crate::progress::Progress;
-use crate::sample::{Ensemble, LogDensity, Quiet, Schedule, Start, run};
+use crate::diagnose::{mean, sd, sorted};
+use crate::error::{Error, Result};
+use crate::files::{self, Keyed};
+use crate::identify::{Options, identify};
+use crate::infer::{EffectUnderLaw, Model};
+use crate::linearise::candidates;
+use crate::numeric::quantile;
+use crate::progress::{Progress, Silent};
+use crate::sample::{SAMPLERS, Schedule};
+use crate::trace::{Closed, Interval, LoopStage, Status, ToQuote, close};
 
-/// The true noise sd is drawn from this interval, evenly in its logarithm (the posterior's prior is 1/noise), nm.
-pub const NOISE_NM: [f64; 2] = [3.0, 30.0];
-
-/// A rank is the number of this many draws below the truth.
-pub const RANK_DRAWS: usize = 99;
-
-/// Levels of the intervals whose coverage is counted.
-pub const LEVELS: [f64; 3] = [0.5, 0.9, 0.95];
-
-/// One line of the record.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// One simulated measurement, and what is quoted of it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Replicate {
     pub replicate: usize,
-    /// True value of each parameter.
-    pub truth: Vec<f64>,
-    /// Posterior mean and sd of each parameter.
-    pub mean: Vec<f64>,
-    /// See `mean`.
-    pub sd: Vec<f64>,
-    /// Number of [`RANK_DRAWS`] draws below the truth.
-    pub rank: Vec<usize>,
-    /// Share of all draws below the truth.
-    pub below: Vec<f64>,
+    /// Constants, and whatever else was drawn that the draws know, by name.
+    pub parameters: Keyed<Recovered>,
+    /// Whether all chains converged.
     pub converged: bool,
+    /// What the loop says, if it was closed.
+    #[serde(rename = "loop")]
+    pub account: Option<LoopAccount>,
 }
 
-/// How one parameter fared.
-#[derive(Debug, Clone, PartialEq)]
-pub struct ParameterRanks {
-    pub name: String,
-    /// p-value of the Kolmogorov-Smirnov test of the shares below the truth against uniformity.
-    pub p_ks: f64,
-    /// p-value of the chi^2 test of the ranks over ten bins.
-    pub p_ranks: f64,
-    /// Ranks in ten bins.
-    pub bins: [usize; 10],
-    /// Covered truths at each of [`LEVELS`].
-    pub covered: [usize; 3],
-    /// Mean and root mean square of (posterior mean - truth) / posterior sd.
-    pub z: [f64; 2],
+/// A true value beside what is quoted of it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct Recovered {
+    pub truth: f64,
+    #[serde(flatten)]
+    pub quoted: Interval,
+    /// Share of the draws below the truth; none where the closed form is quoted.
+    pub below: Option<f64>,
 }
 
-#[derive(Debug, Clone, PartialEq)]
-pub struct Summary {
-    pub plan: ReplicatePlan,
-    /// Replicates done, and those whose chains converged.
-    pub done: [usize; 2],
-    pub parameters: Vec<ParameterRanks>,
-    /// For each of [`LEVELS`] the counts between which a calibrated posterior lies in 99 % of cases.
-    pub bands: [[usize; 2]; 3],
+impl Recovered {
+    /// Whether the 95 % interval holds the truth.
+    pub fn is_held(&self) -> bool {
+        (self.quoted.low..=self.quoted.high).contains(&self.truth)
+    }
 }
+
+/// What acted on a simulated measurement beside what is declared, and what the loop says of it.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct LoopAccount {
+    pub acted: Vec<ActedEffect>,
+    /// Alias groups that the loop named; one effect where it stands alone.
+    pub named: Vec<Vec<String>>,
+    pub status: Status,
+    /// Whether the account was flagged, and what spans several answers quoted.
+    pub flagged: bool,
+}
+
+/// An effect that acted.
+#[derive(Debug, Clone, Serialize, Deserialize)]
+pub struct ActedEffect {
+    pub effect: String,
+    /// How its amplitude goes over the steps of a series.
+    pub law: Option<String>,
+    /// Whether its first amplitude is so large that the first round would have found it, if nothing else acted.
+    pub shows: bool,
+}
+
+/// Rounds after which a loop ends.
+const ROUNDS: usize = 5;
+
+/// A replicate whose effects cannot act together is drawn anew, so often.
+const ATTEMPTS: u64 = 20;
 
 /// The model that is calibrated: unnamed model errors are left out, because nothing of them is simulated.
-pub fn model_of(model: &Model) -> Model {
+fn calibrated(model: &Model) -> Model {
     let mut model = model.clone();
     model.file.likelihood.model_error_fraction = 0.0;
     model.file.likelihood.noise_nm = None;
     model
 }
 
-/// Run or go on with a record at `path` (one line a replicate), and return all replicates.
+/// Do the replicates that a `folder` lacks, as many at a time as there are threads, and return all that it has.
 ///
 /// # Errors
-/// A record of another plan; what simulation and identification may fail with.
+/// Replicates of another plan; what simulation, identification and the loop may fail with.
 pub fn calibrate(
     model: &Model,
-    twin: &Twin,
-    plan: &ReplicatePlan,
-    path: &Path,
+    plan: &CalibrationPlan,
+    (cache, folder): (&Path, &Path),
     progress: &dyn Progress,
 ) -> Result<Vec<Replicate>> {
-    let noise = if plan.correlation_mm == 0.0 {
-        "white noise".to_string()
-    } else {
-        format!("noise correlated over {} mm", plan.correlation_mm)
-    };
-    let one = |k: usize| identify(model, twin, plan, k);
-    let what = format!("calibration, {noise}");
-    replicates((path, &model.file), plan, (&what, &one), progress)
-}
-
-impl Numbered for Replicate {
-    fn replicate(&self) -> usize {
-        self.replicate
-    }
-}
-
-impl Replicate {
-    /// One parameter alone.
-    pub fn only(&self, k: usize) -> Self {
-        Self {
-            replicate: self.replicate,
-            truth: vec![self.truth[k]],
-            mean: vec![self.mean[k]],
-            sd: vec![self.sd[k]],
-            rank: vec![self.rank[k]],
-            below: vec![self.below[k]],
-            converged: self.converged,
+    let model = &calibrated(model);
+    refuse_unknown_forces(model)?;
+    files::make_folder(folder)?;
+    let records = Records::new(model, plan, folder)?;
+    let mut todo = Vec::new();
+    for k in plan.own() {
+        if records.read(k)?.is_none() {
+            todo.push(k);
         }
     }
+    progress.begin("calibration", Some(todo.len() as u64));
+    for some in todo.chunks(rayon::current_num_threads()) {
+        some.par_iter().try_for_each(|&k| {
+            let found = replicate(model, plan, k, (cache, folder));
+            progress.step();
+            records.write(&found.map_err(|e| e.within(format!("replicate {k}")))?)
+        })?;
+    }
+    progress.end();
+    let all = (0..plan.replicates).filter_map(|k| records.read(k).transpose());
+    all.collect()
 }
 
-/// Where the truth lies among draws: the names of what they know of it, and the replicate.
-pub fn of_draws(
-    draws: &Draws,
-    truth: &[(String, f64)],
-    replicate: usize,
-) -> (Vec<String>, Replicate) {
-    let n = draws.len() as f64;
-    let stride = (draws.len() / RANK_DRAWS).max(1);
-    let mut names = Vec::new();
-    let mut result = Replicate {
-        replicate,
-        truth: Vec::new(),
-        mean: Vec::new(),
-        sd: Vec::new(),
-        rank: Vec::new(),
-        below: Vec::new(),
-        converged: true,
+/// Forces cannot be drawn about values that nobody declares.
+fn refuse_unknown_forces(model: &Model) -> Result<()> {
+    let steps = model.experiment().steps.as_deref().unwrap_or_default();
+    let Some(k) = steps.iter().position(|s| s.force_n.is_none()) else {
+        return Ok(());
     };
-    for (name, truth) in truth {
-        let Some(k) = draws.index(name) else {
-            continue;
+    let place = format!("experiments[0].steps[{k}].force_N");
+    Err(
+        Error::input(place, "a force in N, about which a calibration draws")
+            .found("null")
+            .hint("put in the forces that you plan; the files are not read"),
+    )
+}
+
+/// Replicates that are done: a file each in a folder, so that any number of processes may add to them.
+struct Records<'a> {
+    folder: &'a Path,
+    /// Digest of the format, the plan and the model.
+    of: String,
+}
+
+/// Format of a record.
+const RECORD: &str = "plychain-calibration/1";
+
+/// A replicate's file.
+#[derive(Serialize, Deserialize)]
+struct Record {
+    of: String,
+    #[serde(flatten)]
+    replicate: Replicate,
+}
+
+impl<'a> Records<'a> {
+    fn new(model: &Model, plan: &CalibrationPlan, folder: &'a Path) -> Result<Self> {
+        // more or fewer replicates of the same plan are the same record
+        let any_number = CalibrationPlan {
+            replicates: 0,
+            ..plan.clone()
         };
-        let mean = draws.points().map(|x| x[k]).sum::<f64>() / n;
-        let variance = draws.points().map(|x| (x[k] - mean).powi(2)).sum::<f64>() / n;
-        let some = draws.points().skip(stride / 2).step_by(stride);
-        let below = draws.points().filter(|x| x[k] < *truth).count();
-        names.push(name.clone());
-        result.truth.push(*truth);
-        result.mean.push(mean);
-        result.sd.push(variance.sqrt());
-        let some = some.take(RANK_DRAWS);
-        result.rank.push(some.filter(|x| x[k] < *truth).count());
-        result.below.push(below as f64 / n);
+        let of = serde_json::to_vec(&(RECORD, any_number, &model.file))
+            .map_err(|e| Error::program("calibration", "what JSON can hold").found(e))?;
+        let of = files::hex(&Sha256::digest(of))[..16].to_string();
+        Ok(Self { folder, of })
     }
-    (names, result)
-}
 
-/// A draw from the prior.
-fn draw(model: &Model, plan: &ReplicatePlan, replicate: usize) -> TwinTruth {
-    let mut rng = Pcg64Dxsm::seed_from_u64(plan.seed_of(replicate, 1));
-    let mut theta = constants(model, &mut rng);
-    let mut normal = || -> f64 { StandardNormal.sample(&mut rng) };
-    for parameter in model.sampled().iter().flat_map(|e| e.parameters()) {
-        theta.push(parameter.prior_sd.unwrap_or(parameter.bound) * normal());
+    fn path(&self, replicate: usize) -> PathBuf {
+        self.folder.join(format!("{replicate}.json"))
     }
-    let thickness = model.loaded_thickness_mm();
-    let additive = model.additive();
-    let additive = additive.iter().flat_map(|e| e.parameters());
-    // an amplitude with a flat prior is as good as any other
-    let additive = additive
-        .map(|p| p.prior_sd.unwrap_or(0.0) * normal())
-        .collect();
-    let thickness_mm = thickness.mean + thickness.sd * normal();
-    let [low, high] = NOISE_NM;
-    TwinTruth {
-        theta,
-        additive,
-        thickness_mm,
-        noise_nm: low * (high / low).powf(rng.random()),
-    }
-}
 
-/// Constants from their priors, that a ply can have.
-pub(super) fn constants(model: &Model, rng: &mut Pcg64Dxsm) -> Vec<f64> {
-    let marginals = model.marginals();
-    loop {
-        let mut normal = || -> f64 { StandardNormal.sample(rng) };
-        let x: Vec<f64> = marginals.iter().map(|m| m.mean + m.sd * normal()).collect();
-        let inside = marginals.iter().zip(&x).all(|(m, x)| {
-            let [low, high] = m.bounds();
-            (low..=high).contains(x)
-        });
-        if inside && model.material().ply(&x).is_admissible() {
-            return x;
+    fn read(&self, replicate: usize) -> Result<Option<Replicate>> {
+        let path = self.path(replicate);
+        let place = path.display().to_string();
+        let text = match std::fs::read_to_string(&path) {
+            Ok(text) => text,
+            Err(e) if e.kind() == ErrorKind::NotFound => return Ok(None),
+            Err(e) => return Err(Error::input(place, "a readable file").found(e)),
+        };
+        let record: Record = files::parse_json(&text, &place)?;
+        match record.of == self.of {
+            true => Ok(Some(record.replicate)),
+            false => Err(
+                Error::input(place, "a replicate of the same model, seed and options")
+                    .found("one of others")
+                    .hint("choose another --out; nothing was changed"),
+            ),
         }
     }
+
+    fn write(&self, replicate: &Replicate) -> Result<()> {
+        let record = Record {
+            of: self.of.clone(),
+            replicate: replicate.clone(),
+        };
+        files::write_json(&self.path(replicate.replicate), &record)
+    }
 }
 
-fn identify(
+/// Draw and simulate a measurement, and find out what is quoted of it.
+fn replicate(
     model: &Model,
-    twin: &Twin,
-    plan: &ReplicatePlan,
+    plan: &CalibrationPlan,
     replicate: usize,
+    (cache, folder): (&Path, &Path),
 ) -> Result<Replicate> {
-    let truth = draw(model, plan, replicate);
-    let u = twin.finite_elements(&truth)?;
-    let seed = plan.seed_of(replicate, 2);
-    let noise = twin.noise(truth.noise_nm, plan.correlation_mm, seed);
-    let posterior = twin.posterior(model, u, &noise)?.posed.density;
-    let mode = start(&posterior)?;
-    let ball = Start::Ball {
-        centre: &mode.mode,
-        covariance: &mode.covariance,
-        spread: 3.0,
+    // each replicate has a place of its own for the measurement
+    let place = folder.join(format!("field-{replicate}"));
+    let draw = |attempt: u64| -> Result<(Drawn, Model)> {
+        let drawn = Drawn::new(model, plan, replicate, attempt);
+        let measured = drawn.simulated(model, &place)?;
+        Ok((drawn, measured))
     };
-    let schedule = Schedule {
-        seed: plan.seed_of(replicate, 3),
-        ..Schedule::default()
+    let mut drawn = draw(0);
+    for attempt in 1..ATTEMPTS {
+        drawn = drawn.or_else(|_| draw(attempt));
+    }
+    let (drawn, measured) = drawn?;
+    let found = found(&measured, plan, (replicate, &drawn), cache);
+    // a field that cannot be removed does no harm
+    let _ = std::fs::remove_dir_all(&place);
+    found
+}
+
+/// What is quoted of a measurement.
+fn found(
+    model: &Model,
+    plan: &CalibrationPlan,
+    (replicate, drawn): (usize, &Drawn),
+    cache: &Path,
+) -> Result<Replicate> {
+    let sampler = (SAMPLERS[0].build)();
+    let options = |stage: LoopStage| {
+        let stream = match stage {
+            LoopStage::Attempt(attempt) => 100 + attempt as u64,
+            LoopStage::Answer(_) => 199,
+        };
+        let schedule = Schedule {
+            seed: plan.seed_of(replicate, stream),
+            ..Schedule::default()
+        };
+        Options {
+            schedule,
+            ..Options::new(&*sampler, cache)
+        }
     };
-    let rule = Rule::default();
-    let outcome = run(
-        &posterior,
-        &Ensemble::default(),
-        &ball,
-        &schedule,
-        &rule,
-        &Quiet,
-    )?;
-    let mut values = truth.theta[..posterior.constants()].to_vec();
-    values.push(truth.noise_nm);
-    let known = posterior.names().iter().cloned().zip(values);
-    let known: Vec<(String, f64)> = known.collect();
-    let (_, found) = of_draws(&outcome.draws, &known, replicate);
+    let truths = drawn.truths(model);
+    if !plan.closes_loop {
+        let found = identify(model, &options(LoopStage::Attempt(0)), &Silent)?;
+        return Ok(Replicate {
+            replicate,
+            parameters: recovered(truths, &Keyed::new(), Some(&found.draws)),
+            converged: found.verdict.converged,
+            account: None,
+        });
+    }
+    let mut model = model.clone();
+    if plan.withheld {
+        let (all, _) = candidates(&model);
+        let lacks = drawn.acted.first().map_or("", |a| a.effect.name());
+        let names = all.iter().map(|e| e.name()).filter(|n| *n != lacks);
+        model.experiment_mut().candidates = Some(names.map(String::from).collect());
+    }
+    let closed = close(&model, ROUNDS, &options, &Silent)?;
+    let (draws, converged) = match &closed.to_quote {
+        ToQuote::Sampled(sampled) => {
+            let converged = sampled.answers.iter().all(|a| a.verdict.converged);
+            (Some(&sampled.draws), converged)
+        }
+        ToQuote::ClosedForm(_) => (None, false),
+    };
     Ok(Replicate {
-        converged: matches!(outcome.stopped, crate::sample::Stopped::Enough),
-        ..found
+        replicate,
+        parameters: recovered(truths, &closed.quoted(), draws),
+        converged,
+        account: Some(LoopAccount::of(&closed, drawn)),
     })
 }
 
-/// Rank statistics, uniformity and coverage of replicates.
-pub fn summarise(plan: &ReplicatePlan, names: &[String], replicates: &[Replicate]) -> Summary {
-    let n = replicates.len();
-    let parameter = |(k, name): (usize, &String)| {
-        let mut bins = [0; 10];
-        let mut covered = [0; 3];
-        for r in replicates {
-            bins[r.rank[k] * 10 / (RANK_DRAWS + 1)] += 1;
-            for (count, level) in covered.iter_mut().zip(LEVELS) {
-                *count += usize::from((r.below[k] - 0.5).abs() <= 0.5 * level);
+/// What is quoted of each true value, or else what the draws have of it.
+fn recovered(
+    truths: Vec<(String, f64)>,
+    quoted: &Keyed<Interval>,
+    draws: Option<&Draws>,
+) -> Keyed<Recovered> {
+    let recovered = |(name, truth): (String, f64)| {
+        let values = draws.and_then(|draws| Some(draws.series(draws.index(&name)?).values));
+        let of_draws = values.as_ref().map(|values| {
+            let ordered = sorted(values);
+            let [low, median, high] = [0.025, 0.5, 0.975].map(|p| quantile(&ordered, p));
+            Interval {
+                mean: mean(values),
+                sd: sd(values),
+                low,
+                median,
+                high,
             }
-        }
-        let z = || {
-            replicates
-                .iter()
-                .map(|r| (r.mean[k] - r.truth[k]) / r.sd[k])
+        });
+        let below = values.map(|values| {
+            let below = values.iter().filter(|x| **x < truth).count();
+            below as f64 / values.len() as f64
+        });
+        let recovered = Recovered {
+            truth,
+            quoted: quoted.get(&name).copied().or(of_draws)?,
+            below,
         };
-        let count = n.max(1) as f64;
-        ParameterRanks {
-            name: name.clone(),
-            p_ks: kolmogorov(replicates.iter().map(|r| r.below[k]).collect()),
-            p_ranks: chi_square(&bins),
-            bins,
-            covered,
-            z: [
-                z().sum::<f64>() / count,
-                (z().map(|z| z * z).sum::<f64>() / count).sqrt(),
-            ],
+        Some((name, recovered))
+    };
+    truths.into_iter().filter_map(recovered).collect()
+}
+
+impl LoopAccount {
+    fn of(closed: &Closed, drawn: &Drawn) -> Self {
+        let sought = &closed.rounds[0].tracing.candidates;
+        let acted = |acts: &EffectUnderLaw| {
+            let mut sought = sought.iter();
+            let own = sought.find(|c| c.effect.name() == acts.effect.name() && c.law == acts.law);
+            let size = drawn.amplitude(acts).first().map_or(0.0, |a| a.abs());
+            ActedEffect {
+                effect: acts.effect.name().to_string(),
+                law: acts.law.map(|law| law.key()),
+                shows: own.is_some_and(|c| size > c.detectable),
+            }
+        };
+        let conclusion = &closed.conclusion;
+        let group = |name: &String| {
+            let mut groups = conclusion.alias_groups.iter();
+            let own = groups.find(|g| g.contains(name)).cloned();
+            own.unwrap_or_else(|| vec![name.clone()])
+        };
+        Self {
+            acted: drawn.acted.iter().map(acted).collect(),
+            named: conclusion.effects.iter().map(group).collect(),
+            status: conclusion.status,
+            flagged: conclusion.suspect.is_some(),
         }
-    };
-    Summary {
-        plan: plan.clone(),
-        done: [n, replicates.iter().filter(|r| r.converged).count()],
-        parameters: names.iter().enumerate().map(parameter).collect(),
-        bands: LEVELS.map(|level| band(n, level)),
     }
-}
-
-/// Central interval that holds a binomial count in at least 99 % of cases.
-pub fn band(n: usize, level: f64) -> [usize; 2] {
-    let Ok(distribution) = Binomial::new(level, n as u64) else {
-        return [0, n];
-    };
-    [0.005, 0.995].map(|p| distribution.inverse_cdf(p) as usize)
-}
-
-/// p-value of equal expected counts.
-fn chi_square(bins: &[usize]) -> f64 {
-    let n: usize = bins.iter().sum();
-    let expected = n as f64 / bins.len() as f64;
-    if n == 0 {
-        return f64::NAN;
-    }
-    let chi2: f64 = bins
-        .iter()
-        .map(|&b| (b as f64 - expected).powi(2) / expected)
-        .sum();
-    ChiSquared::new((bins.len() - 1) as f64).map_or(f64::NAN, |d| d.sf(chi2))
-}
-
-/// p-value of the Kolmogorov-Smirnov test of uniformity on [0, 1] (asymptotic, with Stephens' correction for few values).
-pub fn kolmogorov(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    let n = values.len() as f64;
-    let distance = values.iter().enumerate().fold(0.0_f64, |d, (i, &v)| {
-        d.max(v - i as f64 / n).max((i + 1) as f64 / n - v)
-    });
-    let x = distance * (n.sqrt() + 0.12 + 0.11 / n.sqrt());
-    if x < 0.2 {
-        return 1.0;
-    }
-    let term = |k: i32| (-1.0_f64).powi(k - 1) * (-2.0 * f64::from(k * k) * x * x).exp();
-    (2.0 * (1..=100).map(term).sum::<f64>()).clamp(0.0, 1.0)
 }

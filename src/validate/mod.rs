@@ -2,14 +2,11 @@
 
 pub mod article;
 pub mod calibration;
+pub mod coverage;
 pub mod design;
 pub mod drawn;
 pub mod grid;
+pub mod plan;
 pub mod priors;
 pub mod quadrature;
-pub mod record;
-pub mod replicates;
 pub mod thickness;
-pub mod twin;
-pub mod verdicts;
-pub mod whole_loop;

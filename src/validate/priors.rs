@@ -19,7 +19,7 @@ pub struct PriorRow {
 pub struct PriorTable {
     /// The declared prior first.
     pub rows: Vec<PriorRow>,
-    /// The box of the cut, its name, and the share of the chain's draws outside of it, if there are draws.
+    /// The box of the cut, its name, and the share of the chain's draws outside of it.
     pub outside: Option<(String, Vec<[f64; 2]>, f64)>,
 }
 
@@ -31,7 +31,7 @@ pub fn compare(
     posterior: &PosteriorDensity,
     side: usize,
     published: bool,
-    draws: Option<&Draws>,
+    draws: &Draws,
 ) -> Result<PriorTable> {
     let declared = posterior.marginals().to_vec();
     let with = |change: &dyn Fn(usize, &mut Marginal)| -> Vec<Marginal> {
@@ -47,15 +47,11 @@ pub fn compare(
     if cut {
         choices.push(("without truncation".into(), whole.clone()));
     }
-    let bounds: Option<(String, Vec<[f64; 2]>)> = if published {
-        Some(("Table 5".into(), article::TRUNCATION.to_vec()))
+    let bounds = if published {
+        Some(("Table 5".to_string(), article::TRUNCATION.to_vec()))
     } else {
-        cut.then(|| {
-            (
-                "declared".into(),
-                declared.iter().map(Marginal::bounds).collect(),
-            )
-        })
+        let bounds = || declared.iter().map(Marginal::bounds).collect();
+        cut.then(|| ("declared".into(), bounds()))
     };
     if published {
         choices.push((
@@ -71,7 +67,7 @@ pub fn compare(
         .into_iter()
         .filter_map(|(prior, marginals)| row(posterior, prior, marginals, side).transpose())
         .collect::<Result<Vec<_>>>()?;
-    let outside = bounds.zip(draws).map(|((name, bounds), draws)| {
+    let outside = bounds.map(|(name, bounds)| {
         let inside = |x: &[f64]| {
             bounds
                 .iter()

@@ -153,10 +153,7 @@ fn a_mangled_report_is_refused_with_its_key() {
             .as_object_mut()
             .unwrap()
             .remove("patterns");
-        round["surrogate"]
-            .as_object_mut()
-            .unwrap()
-            .remove("bias_in_posterior_sd");
+        round.remove("full_model");
         r["added_later"] = json!([1, 2]);
     });
     succeed(&["report", &older.display().to_string()]);

@@ -52,7 +52,7 @@ fn every_verb_speaks_in_short_sentences() {
     let fringes = format!("{images}/fringes.json");
     plain(&["fringes", &fringes, "--out", &path("field")]);
     let out = path("calibrated");
-    plain(&["validate", &own, "--sbc", "1", "--out", &out]);
+    plain(&["validate", &own, "--calibrate", "1", "--out", &out]);
 }
 
 /// The verbs of several specimens, and of one that was never seen.

@@ -1,13 +1,12 @@
 //! Other ways to a posterior agree with it, bad input is refused, and simulated measurements of known truth are covered.
 
 mod calibration;
-mod verdicts;
 
 use plychain::noise::matern_pair;
 use plychain::numeric::{hermite, legendre};
 use plychain::posterior::PosteriorDensity;
 use plychain::sample::{Laplace, LogDensity, laplace};
-use plychain::validate::calibration::{band, kolmogorov};
+use plychain::validate::coverage::{band, kolmogorov};
 use plychain::validate::grid::{PosteriorGrid, automatic, check_bounds};
 use plychain::validate::quadrature::preview;
 use plychain::validate::thickness;
@@ -273,7 +272,7 @@ fn a_run_is_validated_and_what_is_not_one_is_refused() {
         &["above 0"],
     );
     refused(&["validate", out, "--bounds", "E9_GPa=1:2"], &["E9_GPa"]);
-    refused(&["validate", out, "--sbc", "3"], &["model file"]);
+    refused(&["validate", out, "--calibrate", "3"], &["model file"]);
     // a chain of another model, then none at all
     let file = run.join("model.json");
     let text = std::fs::read_to_string(&file).unwrap();

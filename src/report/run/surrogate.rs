@@ -2,21 +2,23 @@
 
 use crate::progress::StageCost;
 use crate::report::page::Page;
+use crate::report::quoted::under_the_full_model;
 use crate::report::round::RoundReport;
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
 
-/// What the finite elements say of the reduced model.
+/// What the finite elements, or what stands for them, say of the reduced model.
 pub fn errors(round: &RoundReport) -> Vec<Piece> {
-    let s = &round.surrogate;
-    let mut said = format!(
-        "Reduced model against {} at {} posterior draws: at most {:.2} % of a posterior sd in any constant, {:.3} nm in the field.",
-        s.truth(),
-        s.truth_draws,
-        100.0 * s.max_error_in_posterior_sd,
-        s.field_error_nm.max
+    let truth = match round.surrogate.supplied {
+        true => "surfaces of more modes through the supplied snapshots",
+        false => "the finite elements",
+    };
+    let moved = under_the_full_model(&round.full_model, truth, "");
+    let modes = format!(
+        "The surface of the reduced model has {} modes.",
+        round.surrogate.modes
     );
-    said += &format!(" Its surface has {} modes.", s.modes);
-    vec![Piece::Paragraph(said)]
+    let said: Vec<String> = moved.into_iter().chain([modes]).collect();
+    vec![Piece::Paragraph(said.join(" "))]
 }
 
 /// The reduced model's errors.

@@ -80,12 +80,14 @@ impl PosedAnswer<'_> {
         };
         let stream = |k: usize| Stream::at(key, k as u64, 0);
         let found = complete(&self.posed.density, &points, &inclusion, &stream);
-        let (importance, by) = PosedDraws {
+        let of = PosedDraws {
             posed: &self.posed,
             points: &points,
             drawn: &found,
-        }
-        .importance(full)?;
+        };
+        let mut importance = of.importance(full)?;
+        let by = of.correction(&importance);
+        importance.corrected = by.iter().any(|by| *by != 0.0);
         let mut values = Vec::new();
         for (x, drawn) in points.iter().zip(&found) {
             let by = by.iter().chain(std::iter::repeat(&0.0));

@@ -1,7 +1,7 @@
 //! What is said of draws under the full model.
 
 use plychain::posterior::Importance;
-use plychain::posterior::importance::spread_out;
+use plychain::posterior::importance::{FAR, spread_out};
 
 #[test]
 fn draws_that_are_looked_at_lie_evenly_over_all() {
@@ -31,10 +31,11 @@ fn a_shift_that_one_step_cannot_say_is_said_by_its_name() {
             .into_iter()
             .collect(),
         corrected: true,
+        field_nm: 0.1,
         mesh_error: None,
     };
     assert_eq!(of(-0.2).largest(), Some(("E2_GPa", [-0.2, 0.03])));
     assert_eq!(of(0.05).largest(), Some(("E1_GPa", [0.1, 0.02])));
-    assert_eq!(of(-0.2).far(), None);
-    assert_eq!(of(-0.4).far(), Some(("E2_GPa", [-0.4, 0.03])));
+    assert_eq!(of(-0.2).beyond(FAR), None);
+    assert_eq!(of(-0.4).beyond(FAR), Some(("E2_GPa", [-0.4, 0.03])));
 }
