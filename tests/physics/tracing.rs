@@ -137,6 +137,7 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
             prepared = prepare(&bare, &cache, &Silent).unwrap();
         }
         prepared.begun = Some(Begun {
+            workbench: prepared.workbench.clone(),
             state: traced.point.state,
             weighing: inverse.weighing.clone(),
         });
