@@ -17,7 +17,7 @@ use crate::geometry::Density;
 use crate::identify::{self, Prepared};
 use crate::infer::Model;
 use crate::progress::Progress;
-use crate::reduce::{cache as reduced_models, spread_over};
+use crate::reduce::spread_over;
 use crate::report::tables;
 use crate::section::terminal;
 
@@ -65,12 +65,6 @@ pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
         "tables": tables::numbers(&prepared.reduced),
         "reduced_basis": tables::basis_numbers(&certificates),
     });
-    if let Some(reference) = model.file.reduced_model.reference {
-        let problem = prepared.problem.of_reference(reference);
-        let (built, _) = reduced_models::obtain(&problem, &cache(), console)?;
-        print(&terminal(&[tables::comparison_section(reference, &built)]))?;
-        value["comparison"] = tables::comparison_numbers(reference, &built);
-    }
     if arguments.verify {
         let mut checks = verify_plate(&prepared, console)?;
         if !certificates.is_empty() {

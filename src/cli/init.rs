@@ -222,9 +222,6 @@ fn template(arguments: &InitArguments) -> Result<Value> {
         // The clamp is the rig's of that test, and no part of another.
         specimen.remove("clamp");
     }
-    if let Some(reduced) = model["reduced_model"].as_object_mut() {
-        reduced.remove("reference");
-    }
     Ok(model)
 }
 

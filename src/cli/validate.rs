@@ -19,12 +19,11 @@ use crate::error::{Error, Result};
 use crate::identify::{self, InverseProblem, Options};
 use crate::infer::Model;
 use crate::posterior::{Importance, PosteriorDensity};
-use crate::report::calibration::{article_numbers, article_section};
 use crate::report::validation::Validation;
 use crate::sample::{Keeping, LogDensity, Schedule};
 use crate::section::terminal;
 use crate::validate::grid::{self, PosteriorGrid};
-use crate::validate::{article, priors, quadrature, thickness};
+use crate::validate::{priors, quadrature, thickness};
 
 /// Arguments of `validate`.
 #[derive(Debug, Args)]
@@ -53,9 +52,6 @@ pub struct ValidateArguments {
     /// Number of random nodes at which Monte Carlo propagates the thickness
     #[arg(long, default_value_t = 200)]
     monte_carlo: usize,
-    /// Repeat the article's setting on a simulated specimen, beside its published Tables 6 and 7
-    #[arg(long)]
-    article: bool,
     #[command(flatten)]
     calibration: CalibrationArguments,
 }
@@ -97,7 +93,7 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
         importance: &found.importance,
     };
     let numbers = validate(arguments, &run, global.seed, console)?;
-    finish(arguments, numbers, &model, (&folder, global.seed), console)?;
+    finish(&numbers, &folder)?;
     folder.keep();
     Ok(())
 }
@@ -148,7 +144,7 @@ fn run_folder(arguments: &ValidateArguments, global: &Global, console: &Console)
         importance: &importance,
     };
     let numbers = validate(arguments, &run, global.seed, console)?;
-    finish(arguments, numbers, &model, (&folder, global.seed), console)
+    finish(&numbers, &folder)
 }
 
 /// An identification that is held against other ways to its posterior.
@@ -189,17 +185,17 @@ fn validate(
         seed,
         console,
     );
-    let published = inverse.prepared.problem.spec.reference.is_some();
-    let priors = small
-        .then(|| priors::compare(posterior, arguments.nodes, published, draws))
-        .transpose()?;
+    let priors = match small {
+        true => priors::compare(posterior, arguments.nodes)?,
+        false => Vec::new(),
+    };
     let preview = quadrature::preview(posterior, &mode);
     let validation = Validation {
         chain: &chain,
         grid: evaluated.as_ref().map(|g| (g, seconds)),
         preview: preview.as_ref(),
         thickness: compared.as_ref(),
-        priors: priors.as_ref(),
+        priors: &priors,
         importance: run.importance,
     };
     let section = validation.section(&arguments.target.display().to_string());
@@ -243,23 +239,10 @@ fn is_small(nodes: usize, d: usize) -> bool {
     d <= 4 || nodes.checked_pow(d as u32).is_some_and(|n| n <= 2_000_000)
 }
 
-/// Add the article's setting if it is asked for, and write `validation.json`.
-fn finish(
-    arguments: &ValidateArguments,
-    mut numbers: Value,
-    model: &Model,
-    (folder, seed): (&Folder, u64),
-    console: &Console,
-) -> Result<()> {
-    if arguments.article {
-        let place = folder.path().join("article");
-        let of = (seed, arguments.nodes);
-        let moments = article::repeated(model, of, (&cache(), &place), console)?;
-        numbers["article"] = article_numbers(&moments);
-        print(&terminal(&[article_section(&moments)]))?;
-    }
-    folder.write_json("validation.json", &numbers)?;
-    results(&numbers)?;
+/// Write `validation.json`.
+fn finish(numbers: &Value, folder: &Folder) -> Result<()> {
+    folder.write_json("validation.json", numbers)?;
+    results(numbers)?;
     print(&format!(
         "written to {}\n",
         folder.path().join("validation.json").display()

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::model::ReducedModel;
-use super::problem::{Problem, ReducedSpec};
+use super::problem::Problem;
 use super::snapshots::{Snapshots, design};
 use crate::error::{Error, Result};
 use crate::experiment::State;
@@ -27,19 +27,14 @@ struct StoredModel {
 
 /// Hash of everything that determines a reduced model (hexadecimal SHA-256).
 pub fn key(problem: &Problem) -> String {
-    // What a model is compared with does not change it.
-    let spec = ReducedSpec {
-        reference: None,
-        ..problem.spec.clone()
-    };
     let text = serde_json::json!([
         FORMAT,
         env!("CARGO_PKG_VERSION"),
         problem.experiment.serialisation(),
         problem.dimensions,
         // that of predictions over supplied snapshots is not in the file
-        spec.count(),
-        spec,
+        problem.spec.count(),
+        problem.spec,
     ]);
     hex(&Sha256::digest(text.to_string()))
 }

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
 
-use super::design::{Dimension, THICKNESS, enough_samples};
+use super::design::{Dimension, enough_samples};
 use super::modes::Modes;
-use super::reference::Reference;
 use super::supplied::SuppliedSpec;
 use crate::error::{Error, Result};
 use crate::experiment::{FieldSolver, Given, State};
@@ -24,9 +24,9 @@ pub struct ReducedSpec {
     /// Bounds by parameter name, in place of those that follow from the priors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub doe: Option<std::collections::BTreeMap<String, [f64; 2]>>,
-    /// The published reduced model that this one is to be compared with.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub reference: Option<Reference>,
+    /// What earlier versions compared a build with: read, and without effect.
+    #[serde(default, skip_serializing)]
+    pub reference: IgnoredAny,
     /// Solve the finite elements for every prediction instead of answering from a reduced basis or correcting a solution nearby.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub full_order: bool,
@@ -53,7 +53,7 @@ impl ReducedSpec {
             modes,
             degree,
             doe: None,
-            reference: None,
+            reference: IgnoredAny,
             full_order: false,
         }
     }
@@ -92,10 +92,6 @@ impl ReducedSpec {
                 let expected =
                     "no bounds beside snapshots of another program, whose rows are the box";
                 return Err(Error::input("reduced_model.doe", expected));
-            }
-            SnapshotsSpec::Supplied(_) if self.reference.is_some() => {
-                let expected = "none beside snapshots of another program";
-                return Err(Error::input("reduced_model.reference", expected));
             }
             SnapshotsSpec::Supplied(_) => {}
         }
@@ -166,34 +162,6 @@ impl Problem {
         )
     }
 
-    /// The problem of the published tables on this plate, load and window: their box, cubic surfaces of 4
-    /// modes. The total thickness is that of all plies.
-    pub fn of_reference(&self, reference: Reference) -> Problem {
-        let published = reference.published();
-        let plies = self.experiment.scene().setup.angles.len() as f64;
-        let names = self.material().constants().iter().copied();
-        let dimensions = names
-            .chain([THICKNESS])
-            .zip(published.bounds)
-            .map(|(name, [low, high])| {
-                let unit = if name == THICKNESS { plies } else { 1.0 };
-                Dimension {
-                    name: name.into(),
-                    low: unit * low,
-                    high: unit * high,
-                }
-            })
-            .collect();
-        Problem {
-            dimensions,
-            spec: ReducedSpec {
-                full_order: self.spec.full_order,
-                ..ReducedSpec::of(published.snapshots, Modes::Count(4), 3)
-            },
-            ..self.clone()
-        }
-    }
-
     /// Check, before anything is solved, that every corner of the box has an admissible ply and every side some length,
     /// and that the snapshots determine the response surfaces.
     pub fn validate(&self) -> Result<()> {
@@ -203,13 +171,6 @@ impl Problem {
             self.spec.degree,
             self.dimensions.len(),
         )?;
-        if self.spec.reference.is_some() && self.material() != Material::Ply {
-            return Err(Error::input(
-                "reduced_model.reference",
-                "a laminate, as the published one",
-            )
-            .found("an isotropic material"));
-        }
         for d in &self.dimensions {
             if !(d.low.is_finite() && d.high.is_finite() && d.low < d.high) {
                 return Err(Error::input(

@@ -1,72 +1,13 @@
-//! What the article's setting and a calibration gave: parts of `validation.json`, and text.
+//! What a calibration gave: parts of `validation.json`, and text.
 
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 
 use crate::files::Keyed;
 use crate::infer::Model;
-use crate::section::{Digits, Piece, Section, Table, TableCell, row};
-use crate::validate::article;
+use crate::section::{Piece, Section, Table, TableCell, row};
 use crate::validate::coverage::{CalibrationSummary, LEVELS, ParameterCoverage};
 use crate::validate::drawn::noise_nm;
 use crate::validate::plan::CalibrationPlan;
-use crate::validate::quadrature::GridMoments;
-
-/// The article's setting beside its published Tables 6 and 7.
-pub fn article_section(moments: &GridMoments) -> Section {
-    let (mean, sd) = (&moments.mean, &moments.sd);
-    let constants = (0..4).map(|k| {
-        let cells = [
-            TableCell::number(mean[k], Digits::Sd(sd[k])),
-            TableCell::number(article::MEAN[k], Digits::Whole),
-            TableCell::fixed(100.0 * sd[k] / mean[k], 1),
-            TableCell::fixed(article::COV_PERCENT[k], 1),
-        ];
-        row(&moments.names[k], cells)
-    });
-    let header = [
-        "Table 6",
-        "mean here",
-        "published",
-        "COV % here",
-        "published",
-    ];
-    let constants = Table::new("", header, constants);
-    let correlations = (0..4).map(|i| {
-        let cell = |j: usize| match j <= i {
-            true => TableCell::Blank,
-            false => TableCell::text(format!(
-                "{:+.2} ({:+.2})",
-                moments.correlation[i][j],
-                article::CORRELATION[i][j]
-            )),
-        };
-        row(&moments.names[i], (0..4).map(cell))
-    });
-    let names = moments.names[..4].iter().map(String::as_str);
-    let header = std::iter::once("Table 7: here (published)").chain(names);
-    Section::new(
-        "the article's setting on a simulated twin of its specimen (truth: means of Table 6)",
-    )
-    .with(constants)
-    .with(Table::new("", header, correlations))
-    .with(Piece::list(article::caveats()))
-}
-
-/// The same as numbers.
-pub fn article_numbers(moments: &GridMoments) -> Value {
-    let rows = (0..4).map(|k| {
-        let row = json!({
-            "mean": moments.mean[k], "published_mean": article::MEAN[k],
-            "cov_percent": 100.0 * moments.sd[k] / moments.mean[k], "published_cov_percent": article::COV_PERCENT[k],
-        });
-        (moments.names[k].clone(), row)
-    });
-    json!({
-        "table_6": rows.collect::<Map<_, _>>(),
-        "table_7": { "here": moments.correlation, "published": article::CORRELATION },
-        "not_comparable": article::caveats(),
-    })
-}
 
 /// What was counted, in words, by the keys of the counts.
 const COUNTED: [(&str, &str); 11] = [

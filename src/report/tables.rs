@@ -1,12 +1,12 @@
-//! The error tables of a reduced model, in the article's order, and beside the article's own figures.
+//! The error tables of a reduced model, in the article's order.
 
 use serde_json::{Map, Value, json};
 
 use crate::fem::Certificate;
 use crate::fem::verify::Check;
 use crate::quantity::NM_PER_MM;
-use crate::reduce::{Published, Quality, ReducedModel, Reference, Surface, TRUNCATIONS};
-use crate::section::{Piece, Section, Table, TableCell, row};
+use crate::reduce::{Quality, ReducedModel, Surface};
+use crate::section::{Section, Table, TableCell, row};
 
 /// What the columns of Tables 9 and 10 are called, in `reduced_model.json` and on the terminal.
 const MEASURES: [&str; 5] = ["mean_mm", "sd_mm", "r2", "rms_mm", "press_mm"];
@@ -137,163 +137,6 @@ fn truncations(reduced: &ReducedModel) -> Table {
     ];
     let caption = "truncation error eps (Table 3) and leave-one-out CV_RMS (Table 8)";
     Table::new(caption, header, rows)
-}
-
-/// One figure beside the published one.
-struct ComparedFigure {
-    table: u8,
-    component: usize,
-    /// K, or the number of the coefficient.
-    index: usize,
-    measure: &'static str,
-    here: f64,
-    published: f64,
-}
-
-impl ComparedFigure {
-    /// Here over published, in size: the sign of a mode is arbitrary.
-    fn ratio(&self) -> f64 {
-        (self.here / self.published).abs()
-    }
-}
-
-/// Every published figure with its counterpart in `built`, a reduced model of [`Reference::problem`].
-fn pairs(built: &ReducedModel, published: &Published) -> Vec<ComparedFigure> {
-    let mut pairs = Vec::new();
-    for component in 0..2 {
-        let cross = &built.cross_validation[component];
-        let series = [
-            (
-                3,
-                "eps",
-                &built.truncation[component],
-                &published.truncation[component],
-            ),
-            (8, "cv_rms_mm", &cross.mm, &published.cv_mm[component]),
-            (
-                8,
-                "cv_rms_percent",
-                &cross.percent,
-                &published.cv_percent[component],
-            ),
-        ];
-        for (table, measure, here, there) in series {
-            pairs.extend(
-                TRUNCATIONS
-                    .iter()
-                    .zip(there)
-                    .map(|(&k, &published)| ComparedFigure {
-                        table,
-                        component,
-                        index: k,
-                        measure,
-                        here: here.get(k - 1).copied().unwrap_or(f64::NAN),
-                        published,
-                    }),
-            );
-        }
-        let half = built.plain.quality.len() / 2;
-        let qualities = &built.plain.quality[component * half..(component + 1) * half];
-        for (k, (q, there)) in qualities
-            .iter()
-            .zip(&published.surfaces[component])
-            .enumerate()
-        {
-            for (m, &measure) in MEASURES.iter().enumerate() {
-                pairs.push(ComparedFigure {
-                    table: 9 + component as u8,
-                    component,
-                    index: k + 1,
-                    measure,
-                    here: measures(q)[m],
-                    published: there[m],
-                });
-            }
-        }
-    }
-    pairs
-}
-
-/// Factor that takes POD coefficients from this model's number of nodes to the published one's.
-fn node_factor(built: &ReducedModel, published: &Published) -> f64 {
-    (published.nodes as f64 / built.points() as f64).sqrt()
-}
-
-/// Figures here beside those published, with their ratio.
-pub fn comparison_numbers(reference: Reference, built: &ReducedModel) -> Value {
-    let published = reference.published();
-    let mut tables: Map<String, Value> = Map::new();
-    for pair in pairs(built, published) {
-        let row = json!({
-            "component": COMPONENTS[pair.component], "index": pair.index, "measure": pair.measure,
-            "here": pair.here, "published": pair.published, "ratio": pair.ratio(),
-        });
-        let rows = tables
-            .entry(format!("table_{}", pair.table))
-            .or_insert_with(|| json!([]));
-        if let Value::Array(rows) = rows {
-            rows.push(row);
-        }
-    }
-    json!({
-        "reference": reference,
-        "nodes": { "here": built.points(), "published": published.nodes },
-        "node_factor": node_factor(built, published),
-        "tables": tables,
-        "remarks": REMARKS,
-        "model": numbers(built),
-    })
-}
-
-/// Where and why the figures differ.
-const REMARKS: &[&str] = &[
-    "Figures without a unit of length (eps, R^2, sd/mean of the first coefficients) agree: box, layup and method are the article's.",
-    "A node's displacement is 2.2 to 2.3 times larger there (first means over the square roots of the numbers of nodes; CV_RMS in mm says the same). So Tables 8 to 10 are not of 700 N on the assumed plate (200 x 25 mm, 4 mm hole) without the window's rigid motion. Displacements counted from a corner of the window would double them; the plate's drawing and gauge are not available.",
-    "Means of the coefficients 2 to 4 are differences of nearly equal terms and belong to one design. A fourth mean lies within its sampling error sd/sqrt(200) of zero.",
-    "PRESS of V2, 3.05e-6 mm there, cannot be right: it is never below RMS sqrt((n - m)/n) = 0.85 x 2.26e-5 mm. 3.05e-5 mm would fit the other seven, whose PRESS is 1.25 to 1.55 times their RMS.",
-    "CV_RMS of V at K = 3, 4.71e-2 %, does not fit its 6.30e-7 mm. It implies a field of 1.3e-3 mm, but K = 2 and 4 imply 8 to 9e-3 mm.",
-];
-
-/// Figures here beside those published.
-pub fn comparison_section(reference: Reference, built: &ReducedModel) -> Section {
-    let published = reference.published();
-    let pairs = pairs(built, published);
-    let compared = |measure: &str, c: usize| -> Vec<TableCell> {
-        let picked = pairs
-            .iter()
-            .filter(|p| p.measure == measure && p.component == c);
-        let cell = |p: &ComparedFigure| match p.measure {
-            "r2" => format!("{:.5} / {:.5}", p.here, p.published),
-            _ => format!("{:.2e} / {:.2e} = {:.2}", p.here, p.published, p.ratio()),
-        };
-        picked.map(|p| cell(p).into()).collect()
-    };
-    let components = || COMPONENTS.iter().enumerate();
-    let truncations = ["eps", "cv_rms_mm", "cv_rms_percent"].into_iter();
-    let truncations = truncations.flat_map(|measure| {
-        components().map(move |(c, component)| (measure, c, format!("{measure} {component}")))
-    });
-    let truncations = truncations.map(|(measure, c, name)| row(name, compared(measure, c)));
-    let header = ["Tables 3 and 8", "K = 2", "K = 3", "K = 4", "K = 5"];
-    let mut section = Section::new(
-        "Gogu et al. 2013, Tables 3, 8, 9 and 10, in the article's box (Table 2): here / published = ratio",
-    )
-    .say(format!(
-        "{} nodes here, {} there: POD coefficients grow with the square root, so the ratios of their figures are to be multiplied by {:.3}",
-        built.points(),
-        published.nodes,
-        node_factor(built, published)
-    ))
-    .with(Table::new("", header, truncations));
-    for (c, component) in components() {
-        let rows = MEASURES
-            .iter()
-            .map(|&measure| row(measure, compared(measure, c)));
-        let numbered = (1..=4).map(|k| format!("{component}{k}"));
-        let header = std::iter::once(format!("Table {}", 9 + c)).chain(numbered);
-        section.push(Table::new("", header, rows));
-    }
-    section.with(Piece::list(REMARKS.iter().map(|r| (*r).to_string())))
 }
 
 /// A reduced basis beside the solver.

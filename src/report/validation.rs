@@ -8,7 +8,7 @@ use crate::posterior::importance::TOLERANCE;
 use crate::report::quoted::under_the_full_model;
 use crate::section::{Piece, Section, Table, TableCell, row};
 use crate::validate::grid::PosteriorGrid;
-use crate::validate::priors::PriorTable;
+use crate::validate::priors::PriorRow;
 use crate::validate::quadrature::GridMoments;
 use crate::validate::thickness::Comparison;
 
@@ -33,8 +33,8 @@ pub struct Validation<'a> {
     pub preview: Option<&'a GridMoments>,
     /// Thickness both ways, if it is uncertain.
     pub thickness: Option<&'a Comparison>,
-    /// Other priors.
-    pub priors: Option<&'a PriorTable>,
+    /// The declared prior and others; empty where they were not looked at.
+    pub priors: &'a [PriorRow],
     /// How the draws fare under the finite elements.
     pub importance: &'a Importance,
 }
@@ -102,16 +102,10 @@ impl Validation<'_> {
                 "seconds_a_node": { "monte_carlo": c.seconds[0], "analytic": c.seconds[1] },
             });
         }
-        if let Some(table) = self.priors {
-            let rows = table
-                .rows
-                .iter()
+        if !self.priors.is_empty() {
+            let rows = (self.priors.iter())
                 .map(|row| (row.prior.clone(), moments_json(self.chain, &row.moments)));
             value["priors"] = Value::Object(rows.collect());
-            if let Some((name, bounds, share)) = &table.outside {
-                value["outside_the_box"] =
-                    json!({ "box": name, "bounds": bounds, "share_of_draws": share });
-            }
         }
         value
     }
@@ -149,7 +143,7 @@ impl Validation<'_> {
     pub fn section(&self, title: &str) -> Section {
         let mut section = Section::new(format!("validation of {title}")).with(self.moments());
         section.push(self.accounts());
-        section.extend(self.priors.and_then(priors).into_iter().flatten());
+        section.extend(priors(self.priors));
         let doubts = self.doubts();
         if doubts.is_empty() {
             return section.say("Nothing speaks against this posterior as that of its model.");
@@ -211,23 +205,19 @@ impl Validation<'_> {
 }
 
 /// The constants under other priors, if there are any.
-fn priors(priors: &PriorTable) -> Option<Vec<Piece>> {
-    let [first, _, ..] = &priors.rows[..] else {
+fn priors(priors: &[PriorRow]) -> Option<Piece> {
+    let [first, _, ..] = priors else {
         return None;
     };
     let d = first.moments.correlation.len();
     let names = first.moments.names[..d].iter().map(String::as_str);
-    let rows = priors.rows.iter().map(|r| {
+    let rows = priors.iter().map(|r| {
         let m = &r.moments;
         let cell = |k: usize| TableCell::mean_sd(Some((m.mean[k], m.sd[k])));
         row(&r.prior, (0..d).map(cell))
     });
     let table = Table::new("", std::iter::once("prior").chain(names), rows);
-    let outside = priors.outside.iter().map(|(name, _, share)| {
-        let percent = 100.0 * share;
-        format!("{percent:.2} % of the draws lie outside the box of {name}")
-    });
-    Some(vec![table.into(), Piece::list(outside)])
+    Some(table.into())
 }
 
 fn duration(seconds: f64) -> String {

@@ -1,6 +1,5 @@
 //! Whether a posterior can be trusted: other ways to the same numbers, and simulated measurements of known truth.
 
-pub mod article;
 pub mod calibration;
 pub mod coverage;
 pub mod design;

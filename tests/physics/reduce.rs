@@ -1,9 +1,11 @@
 //! The reduced model: design, POD, response surfaces, cache, and inputs that cannot work.
 
 mod inputs;
+mod published;
 
 use std::sync::Arc;
 
+use self::published::{GOGU_2013, TRUNCATIONS, of_the_article};
 use faer::Mat;
 use plychain::effect::Scene;
 use plychain::experiment::{FieldExperiment, FieldTest, Gauge};
@@ -13,9 +15,9 @@ use plychain::geometry::Density;
 use plychain::laminate::{LoadSpec, Material, SpecimenSpec};
 use plychain::progress::Silent;
 use plychain::reduce::{
-    Choice, CrossValidation, Dimension, GOGU_2013, Modes, Pod, Problem, ReducedModel, ReducedSpec,
-    Reference, Snapshots, SnapshotsSpec, Surface, THICKNESS, TRUNCATIONS, Variables, cache,
-    decompose, exponents, latin_hypercube, leave_one_out, monomial, rows_to_solve,
+    Choice, CrossValidation, Dimension, Modes, Pod, Problem, ReducedModel, ReducedSpec, Snapshots,
+    SnapshotsSpec, Surface, THICKNESS, Variables, cache, decompose, exponents, latin_hypercube,
+    leave_one_out, monomial, rows_to_solve,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -342,7 +344,7 @@ fn the_article_s_box_gives_its_tables_in_figures_without_a_length() {
     test.specimen.length_mm = 200.0;
     test.window = [[-12.15; 2], [12.15; 2]];
     test.density = Density(0.28);
-    let problem = problem_of(test).of_reference(Reference::Gogu2013);
+    let problem = of_the_article(&problem_of(test));
     let snapshots = Snapshots::at(&problem, design(&problem), &|| ()).unwrap();
     let model = ReducedModel::build(&problem, &snapshots).unwrap();
     for c in 0..2 {

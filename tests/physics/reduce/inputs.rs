@@ -1,14 +1,12 @@
 //! Inputs of which no reduced model can be made end in an error that says what to change.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use plychain::error::Error;
-use plychain::experiment::FieldExperiment;
 use plychain::infer::{Model, drawn_in, problem_within};
 use plychain::reduce::{Choice, Modes, ReducedSpec, SnapshotsSpec, Surface, Variables};
 
-use super::{points, scene, small_problem, small_test};
+use super::{points, small_problem};
 
 /// The error's text and hint, which must be the input's fault.
 fn told(error: &Error) -> String {
@@ -186,22 +184,4 @@ fn modes_are_a_number_or_auto() {
     assert_eq!(read.modes, Modes::Auto);
     let written = serde_json::to_string(&read).unwrap();
     assert_eq!(written, r#"{"snapshots":200,"modes":"auto","degree":3}"#);
-}
-
-#[test]
-fn a_reference_needs_a_laminate() {
-    let mut problem = small_problem();
-    problem.spec = serde_json::from_str(
-        r#"{ "snapshots": 200, "modes": 4, "degree": 3, "reference": "gogu-2013" }"#,
-    )
-    .unwrap();
-    problem.validate().unwrap();
-    let published = problem.of_reference(problem.spec.reference.unwrap());
-    assert_eq!(published.dimensions[4].low, 6.0 * 0.12);
-    published.validate().unwrap();
-    let test = small_test();
-    let mut scene = scene(&test);
-    scene.material = plychain::laminate::Material::Isotropic;
-    problem.experiment = Arc::new(FieldExperiment::new(test, scene).unwrap());
-    assert!(told(&problem.validate().unwrap_err()).contains("reduced_model.reference"));
 }

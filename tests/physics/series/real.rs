@@ -181,7 +181,9 @@ fn the_public_femu_dic_test_is_explained_by_what_acts_in_it() {
         is_one(e) || groups.any(|g| g.contains(e) && g.iter().any(is_one))
     };
     let no_other = ended.effects.iter().all(named);
-    let both = acts[..2].iter().all(|a| ended.effects.iter().any(|e| e == a));
+    let both = acts[..2]
+        .iter()
+        .all(|a| ended.effects.iter().any(|e| e == a));
     assert!(no_other && both, "{line}");
     assert_eq!(ended.status, Status::Closed, "{line}");
     assert_eq!(ended.held(), 4, "{line}");

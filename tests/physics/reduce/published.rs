@@ -3,14 +3,7 @@
 //! Gogu, Yin, Haftka, Ifju, Molimard, Le Riche, Vautrin, "Bayesian identification of elastic constants in multi-directional
 //! laminate from moire interferometry displacement fields", Experimental Mechanics 53 (2013).
 
-use serde::{Deserialize, Serialize};
-
-/// A published reduced model that a model file names with `reduced_model.reference`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Reference {
-    #[serde(rename = "gogu-2013")]
-    Gogu2013,
-}
+use plychain::reduce::{Dimension, Modes, Problem, ReducedSpec, THICKNESS};
 
 /// Published figures; index 0 of each pair is U (u1), 1 is V (u2).
 #[derive(Debug, Clone, Copy)]
@@ -19,14 +12,10 @@ pub struct Published {
     pub bounds: [[f64; 2]; 5],
     /// Truncation error eps for K = 2..=5: Table 3.
     pub truncation: [[f64; 4]; 2],
-    /// CV_RMS in mm for K = 2..=5: Table 8.
-    pub cv_mm: [[f64; 4]; 2],
     /// CV_RMS in % for K = 2..=5: Table 8.
     pub cv_percent: [[f64; 4]; 2],
     /// Mean, sd, R^2, RMS and PRESS of the coefficients 1..=4 (mm but for R^2): Tables 9 and 10.
     pub surfaces: [[[f64; 5]; 4]; 2],
-    /// Nodes on which a field was given.
-    pub nodes: usize,
     pub snapshots: usize,
 }
 
@@ -46,10 +35,6 @@ pub const GOGU_2013: Published = Published {
         [2.439e-7, 4.701e-9, 7.280e-11, 1.211e-11],
         [1.054e-6, 2.900e-9, 4.136e-10, 3.517e-11],
     ],
-    cv_mm: [
-        [9.35e-6, 1.05e-6, 1.65e-7, 7.83e-8],
-        [1.00e-5, 6.30e-7, 3.05e-7, 7.32e-8],
-    ],
     cv_percent: [
         [9.96e-2, 1.13e-2, 2.37e-3, 9.49e-4],
         [1.10e-1, 4.71e-2, 3.71e-3, 1.84e-3],
@@ -68,14 +53,26 @@ pub const GOGU_2013: Published = Published {
             [9.76e-7, 1.50e-5, 0.99830, 6.89e-7, 1.04e-6],
         ],
     ],
-    nodes: 4569,
     snapshots: 200,
 };
 
-impl Reference {
-    pub fn published(self) -> &'static Published {
-        match self {
-            Reference::Gogu2013 => &GOGU_2013,
+/// The problem of the published tables on this plate, load and window: their box, cubic surfaces of 4 modes. The total thickness is that of
+/// all plies.
+pub fn of_the_article(problem: &Problem) -> Problem {
+    let plies = problem.experiment.scene().setup.angles.len() as f64;
+    let names = problem.material().constants().iter().copied();
+    let sides = names.chain([THICKNESS]).zip(GOGU_2013.bounds);
+    let dimensions = sides.map(|(name, [low, high])| {
+        let unit = if name == THICKNESS { plies } else { 1.0 };
+        Dimension {
+            name: name.into(),
+            low: unit * low,
+            high: unit * high,
         }
+    });
+    Problem {
+        dimensions: dimensions.collect(),
+        spec: ReducedSpec::of(GOGU_2013.snapshots, Modes::Count(4), 3),
+        ..problem.clone()
     }
 }
