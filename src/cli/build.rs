@@ -8,12 +8,9 @@ use serde_json::json;
 use super::console::Console;
 use super::folder::Folder;
 use super::{DEFAULT_MODEL, cache, print, results};
-use crate::effect::Scene;
 use crate::error::{Error, Result};
 use crate::experiment::State;
 use crate::fem::Certificate;
-use crate::fem::verify::{Check, basis, window_convergence};
-use crate::geometry::Density;
 use crate::identify::{self, Prepared};
 use crate::infer::Model;
 use crate::progress::Progress;
@@ -24,7 +21,7 @@ use crate::section::terminal;
 /// Arguments of `build`.
 #[derive(Debug, Args)]
 #[command(after_help = "Example:
-  plychain build models/openhole.json --verify")]
+  plychain build models/openhole.json")]
 pub struct BuildArguments {
     /// Model file
     #[arg(default_value = DEFAULT_MODEL)]
@@ -32,9 +29,6 @@ pub struct BuildArguments {
     /// Measured data in place of the model's, a folder or a CSV file
     #[arg(long)]
     data: Option<PathBuf>,
-    /// Check the finite elements on finer meshes and the reduced basis at 100 points, and print the errors
-    #[arg(long)]
-    verify: bool,
     /// Solve the finite elements for every snapshot. This is slow and uses no reduced basis
     #[arg(long)]
     full_order: bool,
@@ -43,8 +37,7 @@ pub struct BuildArguments {
     out: Option<PathBuf>,
 }
 
-/// The schema of `reduced_model.json`: `tables` (error tables by name), `comparison` (beside published ones, where the
-/// model file names a reference), `model` (the reduced model itself).
+/// The schema of `reduced_model.json`: `tables` (error tables by name), `reduced_basis`, `model` (the reduced model itself).
 const SCHEMA: &str = "plychain-reduced-model/1";
 
 pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
@@ -56,7 +49,7 @@ pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
     )?;
     let prepared = identify::prepare(&model, &cache(), console)?;
     print(&terminal(&tables::sections(&prepared.reduced)))?;
-    let certificates = certify(&prepared, arguments.verify, console)?;
+    let certificates = certify(&prepared, console)?;
     if prepared.problem.experiment.given().is_none() {
         print(&terminal(&[tables::basis_section(&certificates)]))?;
     }
@@ -65,14 +58,6 @@ pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
         "tables": tables::numbers(&prepared.reduced),
         "reduced_basis": tables::basis_numbers(&certificates),
     });
-    if arguments.verify {
-        let mut checks = verify_plate(&prepared, console)?;
-        if !certificates.is_empty() {
-            checks.extend(basis(&certificates));
-        }
-        print(&terminal(&[tables::verification_section(&checks)]))?;
-        value["verification"] = tables::verification_numbers(&checks);
-    }
     results(&value)?;
     value["model"] = serde_json::to_value(&prepared.reduced)
         .map_err(|e| Error::program("reduced_model.json", "numbers that JSON can hold").found(e))?;
@@ -82,36 +67,20 @@ pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
     Ok(())
 }
 
-/// Points of the box at which a reduced basis is held against the solver, and at which it is verified.
+/// Points of the box at which a reduced basis is held against the solver.
 const COMPARED: usize = 20;
-const VERIFIED: usize = 100;
 
 /// Seed of those points, none of which the basis was made for.
 const POINTS_SEED: u64 = 16;
 
 /// The reduced basis beside the solver at random points of the box.
-fn certify(prepared: &Prepared, verify: bool, console: &Console) -> Result<Vec<Certificate>> {
-    let count = if verify { VERIFIED } else { COMPARED };
+fn certify(prepared: &Prepared, console: &Console) -> Result<Vec<Certificate>> {
     console.begin("reduced basis against the finite elements", None);
     let problem = &prepared.problem;
-    let points = spread_over(problem, count, POINTS_SEED);
+    let points = spread_over(problem, COMPARED, POINTS_SEED);
     let states: Vec<State> = points.iter().map(|p| problem.state(p)).collect();
     let sight = &prepared.observation.sight;
     let certificates = problem.experiment.certify(&states, sight)?;
     console.end();
     Ok(certificates)
-}
-
-/// Verification figures at the prior means, over the window that was measured.
-fn verify_plate(prepared: &Prepared, console: &Console) -> Result<Vec<Check>> {
-    console.begin("verifying the finite elements", None);
-    let experiment = &prepared.problem.experiment;
-    let Scene { setup, ply, .. } = experiment.scene();
-    let [low, high] = experiment.window();
-    let half = (0..2)
-        .map(|k| low[k].abs().max(high[k].abs()))
-        .fold(0.0, f64::max);
-    let check = window_convergence(setup, ply, Density::DEFAULT, half)?;
-    console.end();
-    Ok(vec![check])
 }

@@ -23,7 +23,7 @@ use crate::report::validation::Validation;
 use crate::sample::{Keeping, LogDensity, Schedule};
 use crate::section::terminal;
 use crate::validate::grid::{self, PosteriorGrid};
-use crate::validate::{priors, quadrature, thickness};
+use crate::validate::{priors, thickness};
 
 /// Arguments of `validate`.
 #[derive(Debug, Args)]
@@ -189,11 +189,9 @@ fn validate(
         true => priors::compare(posterior, arguments.nodes)?,
         false => Vec::new(),
     };
-    let preview = quadrature::preview(posterior, &mode);
     let validation = Validation {
         chain: &chain,
         grid: evaluated.as_ref().map(|g| (g, seconds)),
-        preview: preview.as_ref(),
         thickness: compared.as_ref(),
         priors: &priors,
         importance: run.importance,

@@ -27,7 +27,6 @@ mod setup;
 mod solve;
 mod span;
 mod supports;
-pub mod verify;
 mod vibration;
 mod view;
 mod yielding;

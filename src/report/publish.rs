@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::figures;
 use super::html::html;
-use super::numbers::{CandidateLine, columns, places, write};
+use super::numbers::{CandidateLine, columns, write};
 use super::page::{AVERAGED, FIGURES, Page};
 use super::{run, tracing::TracingReport};
 use crate::error::{Error, Result};
@@ -50,7 +50,6 @@ fn write_numbers(page: &Page, into: &Path) -> Result<()> {
     for (k, round) in page.report.rounds.iter().enumerate() {
         let residual = &round.residual;
         numbers.push((format!("variogram-{k}"), columns(&residual.variogram)));
-        numbers.push((format!("breakdown-{k}"), columns(&places(residual))));
         let candidates = round.tracing.as_ref().map_or_else(Vec::new, candidates);
         numbers.push((format!("candidates-{k}"), columns(&candidates)));
     }

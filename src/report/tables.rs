@@ -3,7 +3,6 @@
 use serde_json::{Map, Value, json};
 
 use crate::fem::Certificate;
-use crate::fem::verify::Check;
 use crate::quantity::NM_PER_MM;
 use crate::reduce::{Quality, ReducedModel, Surface};
 use crate::section::{Section, Table, TableCell, row};
@@ -166,29 +165,4 @@ pub fn basis_section(certificates: &[Certificate]) -> Section {
 pub fn basis_numbers(certificates: &[Certificate]) -> Value {
     let one = |c: &Certificate| json!({ "solutions": c.solutions, "bound": c.bound, "error": c.error, "largest_nm": NM_PER_MM * c.largest_mm, "bound_nm": NM_PER_MM * c.bound_mm, "effectivity": c.effectivity() });
     certificates.iter().map(one).collect()
-}
-
-/// Verification figures of the finite elements, each with what it is held against.
-pub fn verification_section(checks: &[Check]) -> Section {
-    let rows = checks.iter().map(|check| {
-        let bound = format!("<= {:.3e}", check.bound);
-        let passed = TableCell::Mark {
-            yes: check.passed,
-            matters: true,
-        };
-        let value = TableCell::science(check.value, 3);
-        row(&check.what, [value, bound.into(), passed])
-    });
-    let table = Table::new("", ["", "value", "bound", "passed"], rows);
-    Section::new("verification of the finite elements").with(table)
-}
-
-/// [`verification_section`] as JSON.
-pub fn verification_numbers(checks: &[Check]) -> Value {
-    checks
-        .iter()
-        .map(|check| {
-            json!({ "what": check.what, "value": check.value, "at_most": check.bound, "passed": check.passed })
-        })
-        .collect()
 }

@@ -29,8 +29,6 @@ pub struct Validation<'a> {
     pub chain: &'a [Row],
     /// The grid, unless there are too many parameters for one, and the seconds it took.
     pub grid: Option<(&'a PosteriorGrid, f64)>,
-    /// The second opinion.
-    pub preview: Option<&'a GridMoments>,
     /// Thickness both ways, if it is uncertain.
     pub thickness: Option<&'a Comparison>,
     /// The declared prior and others; empty where they were not looked at.
@@ -91,9 +89,6 @@ impl Validation<'_> {
             numbers["marginals"] = json!(grid.marginals);
             value["grid"] = numbers;
         }
-        if let Some(preview) = self.preview {
-            value["laplace_gauss_hermite"] = moments_json(self.chain, preview);
-        }
         if let Some(c) = self.thickness {
             value["thickness"] = json!({
                 "nodes": c.nodes, "samples": c.samples,
@@ -153,12 +148,9 @@ impl Validation<'_> {
         section
     }
 
-    /// The chain's moments, and how far those of the grid and of the preview are off.
+    /// The chain's moments, and how far those of the grid are off.
     fn moments(&self) -> Table {
-        let others = [
-            (self.grid.map(|(g, _)| &g.moments), "grid"),
-            (self.preview, "Laplace-GH"),
-        ];
+        let others = [(self.grid.map(|(g, _)| &g.moments), "grid")];
         let others: Vec<(&str, Vec<(f64, f64)>)> = others
             .into_iter()
             .filter_map(|(moments, name)| Some((name, difference(self.chain, moments?))))

@@ -176,33 +176,3 @@ impl GridMoments {
         }
     }
 }
-
-/// The quick second opinion: five nodes a direction, about the mode and scaled by its curvature, noise integrated.
-pub fn preview(posterior: &PosteriorDensity, mode: &Laplace) -> Option<GridMoments> {
-    let (d, dim) = (posterior.constants(), posterior.dim());
-    if d > MOST_DIRECTIONS {
-        return None;
-    }
-    let covariance = DMatrix::from_fn(d, d, |i, j| mode.covariance[i * dim + j]);
-    let lower = covariance.cholesky()?.l();
-    let centre = DVector::from_column_slice(&mode.mode[..d]);
-    let five = hermite(5);
-    let count = five.len().pow(d as u32);
-    let mut thetas = Vec::with_capacity(count * d);
-    let mut logs = Vec::with_capacity(count);
-    for i in 0..count {
-        let rule = |k: usize| five[i / five.len().pow(k as u32) % five.len()];
-        let z = DVector::from_fn(d, |k, _| rule(k).0);
-        logs.push(0.5 * z.norm_squared() + (0..d).map(|k| rule(k).1.ln()).sum::<f64>());
-        thetas.extend((&centre + &lower * z).iter());
-    }
-    let volume = lower.diagonal().iter().map(|l| l.ln()).sum::<f64>()
-        + 0.5 * d as f64 * std::f64::consts::TAU.ln();
-    let nodes = Marginalised::new(posterior, mode).evaluate(&thetas).ok()?;
-    Some(GridMoments::of(posterior, &thetas, &nodes, |i| {
-        logs[i] + volume
-    }))
-}
-
-/// More directions than this take too many nodes.
-const MOST_DIRECTIONS: usize = 7;

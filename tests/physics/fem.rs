@@ -2,10 +2,11 @@
 
 use std::sync::Arc;
 
-use plychain::fem::verify::{self, Check};
 use plychain::fem::{EndLoad, Locator, Plate, Setup, end_forces};
 use plychain::geometry::{Density, Geometry, Outline, StripWithHole};
 use plychain::laminate::{Membrane, Ply};
+
+use crate::verify::{self, Check};
 
 use crate::common::article;
 use crate::common::shared;

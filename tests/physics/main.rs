@@ -35,4 +35,5 @@ mod supplied;
 mod suspect;
 mod tracing;
 mod unseen;
+mod verify;
 mod yielding;

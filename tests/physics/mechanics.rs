@@ -7,12 +7,13 @@ use nalgebra::{Matrix3, Vector3};
 use plychain::effect::limit::alter_checked;
 use plychain::effect::{self, Acting, EFFECTS, Effect, EffectParameter, Entry, Kind, Scene};
 use plychain::experiment::{Gauge, Sight, State, gauged, predict};
-use plychain::fem::verify::{difference, window_points, without_rigid_motion};
 use plychain::fem::{Locator, Plate, Setup, end_forces};
 use plychain::field::matrices;
 use plychain::field::{Axis, Frame};
 use plychain::geometry::{Density, PlainStrip};
 use plychain::laminate::{Material, Ply, strain_rotation};
+
+use crate::verify::{difference, window_points, without_rigid_motion};
 
 use crate::reduce::{scene, small_problem, small_test};
 

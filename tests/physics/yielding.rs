@@ -6,11 +6,12 @@ mod table;
 
 use nalgebra::{Matrix3, Vector3};
 use plychain::fem::element::{self, GAUSS};
-use plychain::fem::verify::window_points;
 use plychain::fem::{J2, Locator, Plastic, Plate, Setup, Yield, YieldFrame, end_forces};
 use plychain::field::rigid;
 use plychain::geometry::Density;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
+
+use crate::verify::window_points;
 use serde_json::json;
 
 /// Steel, MPa.

@@ -355,27 +355,6 @@ fn a_loop_shows_its_verdict_ranking_and_blind_spots() {
     );
 }
 
-/// Rings about the hole and quadrants are drawn, from the numbers of the report.
-#[test]
-fn the_residual_is_broken_down_by_place() {
-    let residual = &json(&run().join("report.json"))["rounds"][0]["residual"];
-    let breakdown = sheet(run(), "breakdown-0", "");
-    let rings = residual["rings"].as_array().unwrap();
-    let quadrants = residual["quadrants_nm"].as_array().unwrap();
-    let said: Vec<f64> = rings
-        .iter()
-        .map(|r| r["u2_nm"].as_f64().unwrap())
-        .chain(quadrants.iter().map(|q| q["u2"].as_f64().unwrap()))
-        .collect();
-    assert_eq!(breakdown.numbers("u2_nm"), said);
-    let drawn = read(&run().join("figures/breakdown-0.svg"));
-    let outermost = rings[rings.len() - 1]["to_radius_mm"].as_f64().unwrap();
-    assert!(drawn.contains(&format!("to {outermost:.1} mm")));
-    assert!(drawn.contains("+1, +2 quadrant"));
-    let html = read(&run().join("report.html"));
-    assert!(html.contains("Residual by rings and quadrants"));
-}
-
 /// A constant far from its prior is flagged where it stands, and only there.
 #[test]
 fn what_contradicts_its_prior_is_flagged_in_the_table() {

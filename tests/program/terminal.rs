@@ -40,7 +40,7 @@ fn every_verb_speaks_in_short_sentences() {
     plain(&["report", &run, &run]);
     plain(&["diagnose", &run, "--all"]);
     plain(&["export", &run, "--format", "npz", "--out", &path("copies")]);
-    plain(&["build", &own, "--verify"]);
+    plain(&["build", &own]);
     plain(&["design", &own]);
     let calculix = model("openhole-calculix.json");
     let rows = path("doe.csv");

@@ -8,7 +8,6 @@ use plychain::posterior::PosteriorDensity;
 use plychain::sample::{Laplace, LogDensity, laplace};
 use plychain::validate::coverage::{band, kolmogorov};
 use plychain::validate::grid::{PosteriorGrid, automatic, check_bounds};
-use plychain::validate::quadrature::preview;
 use plychain::validate::thickness;
 use rand::SeedableRng;
 use rand_pcg::Pcg64Dxsm;
@@ -57,13 +56,12 @@ fn gauss_legendre_rules_integrate_powers() {
 
 /// The trapezoid rule over a smooth density converges faster than any power: more nodes and wider bounds change nothing.
 #[test]
-fn grid_converges_and_agrees_with_the_quadrature_about_the_mode() {
+fn grid_converges() {
     let (posterior, mode, bounds) = posterior();
     let grid = PosteriorGrid::new(&posterior, &mode, &bounds, 25).unwrap();
     let finer = PosteriorGrid::new(&posterior, &mode, &bounds, 33).unwrap();
-    let quick = preview(&posterior, &mode).unwrap();
     assert!(grid.warnings.is_empty(), "{:?}", grid.warnings);
-    for (other, mean, sd) in [(&finer.moments, 1e-3, 1e-3), (&quick, 0.02, 0.02)] {
+    for (other, mean, sd) in [(&finer.moments, 1e-3, 1e-3)] {
         assert!((other.log_evidence - grid.moments.log_evidence).abs() < 10.0 * sd);
         for k in 0..4 {
             let off = (other.mean[k] - grid.moments.mean[k]) / grid.moments.sd[k];

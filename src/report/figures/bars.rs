@@ -1,4 +1,4 @@
-//! Bars: the residual by place, and intervals of the constants.
+//! Bars: intervals of the constants.
 
 use plotters::prelude::*;
 use plotters::style::text_anchor::HPos;
@@ -6,51 +6,9 @@ use plotters::style::text_anchor::HPos;
 use super::canvas::{Area, Figure, GRID, INK, MAIN, PRIOR, TRUTH, draw, say, span, step, text};
 use crate::error::Result;
 use crate::report::json::Keyed;
-use crate::report::numbers::{IntervalLine, PlaceRms};
+use crate::report::numbers::IntervalLine;
 
 const ROW: u32 = 20;
-
-/// Width of one of several panels.
-const PANEL: u32 = 165;
-
-/// RMS of the residual of both components by place.
-pub fn breakdown(places: &[PlaceRms]) -> Result<Option<Figure>> {
-    if places.is_empty() {
-        return Ok(None);
-    }
-    const NAMES: u32 = 140;
-    const WIDE: u32 = PANEL + 60;
-    let size = (NAMES + 2 * WIDE + 16, 34 + ROW * places.len() as u32);
-    let alt = "RMS of the block averages of the residual, nm, in rings about the hole and in quadrants. Direction 1 is along the load";
-    let of = |pick: fn(&PlaceRms) -> f64| places.iter().map(pick).collect::<Vec<f64>>();
-    let panels = [of(|p| p.u1_nm), of(|p| p.u2_nm)];
-    let largest = span(panels.iter().flatten().copied().chain([0.0]))[1];
-    draw("", alt, size, |root, _| {
-        for (c, values) in panels.iter().enumerate() {
-            let left = (NAMES + WIDE * c as u32) as i32;
-            let head = ["u1, RMS in nm", "u2, RMS in nm"][c];
-            say(root, head, (left, 12), 12, HPos::Left)?;
-            for (k, value) in values.iter().enumerate().filter(|(_, v)| v.is_finite()) {
-                let y = (k as u32 * ROW + ROW / 2 + 26) as i32;
-                let end = left + (value / largest * f64::from(PANEL)) as i32;
-                bar(root, [left, end], y, MAIN)?;
-                let digits = decimals(*value).min(2);
-                let figure = format!("{value:.digits$}");
-                say(root, figure, (end + 5, y), 11, HPos::Left)?;
-            }
-            rule(root, left, 22, size.1 as i32 - 4, INK)?;
-        }
-        for (k, place) in places.iter().enumerate() {
-            label(root, &place.place, [NAMES, k as u32 * ROW + ROW / 2 + 26])?;
-        }
-        Ok(())
-    })
-    .map(Some)
-}
-
-fn decimals(size: f64) -> usize {
-    (1.0 - size.log10().floor()).clamp(0.0, 6.0) as usize
-}
 
 /// 95 % intervals of each constant: prior, each round, averaged; the truth where it is known.
 pub fn intervals(lines: &[IntervalLine]) -> Result<Option<Figure>> {
@@ -120,19 +78,4 @@ fn panel(area: &Area<'_>, lines: &[&IntervalLine], constant: &str) -> Result<()>
         say(area, &line.what, (84, at - top), 11, HPos::Right)?;
     }
     Ok(())
-}
-
-fn bar(root: &Area<'_>, [from, to]: [i32; 2], y: i32, colour: RGBColor) -> Result<()> {
-    let corners = [(from, y - 6), (to.max(from + 1), y + 6)];
-    Ok(root.draw(&Rectangle::new(corners, colour.filled()))?)
-}
-
-fn rule(root: &Area<'_>, x: i32, top: i32, bottom: i32, colour: RGBColor) -> Result<()> {
-    let line = vec![(x, top), (x, bottom)];
-    Ok(root.draw(&PathElement::new(line, colour.stroke_width(1)))?)
-}
-
-fn label(root: &Area<'_>, name: &str, [left, y]: [u32; 2]) -> Result<()> {
-    let place = (left as i32 - 8, y as i32);
-    say(root, name, place, 12, HPos::Right)
 }

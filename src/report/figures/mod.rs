@@ -21,7 +21,7 @@ pub use pictures::PixelPicture;
 #[cfg(feature = "png")]
 pub use raster::png;
 
-use super::numbers::{MapCell, places};
+use super::numbers::MapCell;
 use super::page::Page;
 use crate::error::Result;
 use maps::Mapped;
@@ -62,7 +62,6 @@ pub fn all(page: &Page) -> Result<Vec<Figure>> {
                 chains::autocorrelation(&data.autocorrelation)?,
             ),
             ("variogram", chains::variogram(&residual.variogram)?),
-            ("breakdown", bars::breakdown(&places(residual))?),
         ];
         let named = drawn
             .into_iter()

@@ -13,5 +13,5 @@ pub use data::{
     FigureData, JointBin, LagPoint, MapCell, MeshPart, MeshPoint, ParameterLine, RankBin, StepCell,
     StiffnessCell, TracePoint, write,
 };
-pub use lines::{CandidateLine, IntervalLine, PlaceRms, places};
+pub use lines::{CandidateLine, IntervalLine};
 pub use mesh::{lines as mesh_lines, on_mesh};

@@ -248,14 +248,9 @@ pub fn maps(page: &Page) -> Section {
     if page.figures.iter().any(|f| !f.maps.is_empty()) {
         section.push(Piece::Note("Cells are means of the points in them; grey where nothing was measured. Measured and predicted share a scale; residuals share one over components and rounds, white at zero, which covers 99.5 % of them. Point at a map for the value of a cell.".into()));
     }
-    for (title, figure) in [
-        ("Variogram of the residual", "variogram"),
-        ("Residual by rings and quadrants", "breakdown"),
-    ] {
-        section.extend(names.iter().enumerate().map(|(k, name)| Piece::Figure {
-            heading: format!("{title}: {name}"),
-            name: format!("{figure}-{k}"),
-        }));
-    }
+    section.extend(names.iter().enumerate().map(|(k, name)| Piece::Figure {
+        heading: format!("Variogram of the residual: {name}"),
+        name: format!("variogram-{k}"),
+    }));
     section
 }

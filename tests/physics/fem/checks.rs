@@ -5,10 +5,11 @@ use std::sync::Arc;
 use nalgebra::{Matrix3, Vector3};
 use plychain::error::{Error, Result};
 use plychain::fem::element::{self, GAUSS};
-use plychain::fem::verify::{Check, difference, observe, window_convergence, window_points};
 use plychain::fem::{Locator, Plate, Setup, edge_forces};
 use plychain::geometry::{Density, HIGH, LOW, Mesh, Morph, Outline, SIDES, StripWithHole};
 use plychain::laminate::{Membrane, Ply};
+
+use crate::verify::{Check, difference, observe, window_convergence, window_points};
 
 use super::lekhnitskii::HoleSolution;
 

@@ -3,11 +3,12 @@
 use std::sync::Arc;
 
 use plychain::error::Result;
-use plychain::fem::verify::without_rigid_motion;
 use plychain::fem::{Locator, Plate, Setup};
 use plychain::geometry::Density;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
 use plychain::mesh_files::{ElementKind, ImportedPlate, Part};
+
+use crate::verify::without_rigid_motion;
 use serde_json::json;
 
 use super::model::Model;

@@ -3,12 +3,13 @@
 use std::sync::Arc;
 
 use plychain::error::Result;
-use plychain::fem::verify::without_rigid_motion;
 use plychain::fem::{Locator, Plate, Setup};
 use plychain::geometry::{Density, Mesh};
 use plychain::infer::Model as ModelFile;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec};
 use plychain::mesh_files::{ElementKind, ImportedPlate, MeshSpec, Part};
+
+use crate::verify::without_rigid_motion;
 use serde_json::json;
 
 use super::exact::{rectangle, sheet};

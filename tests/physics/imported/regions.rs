@@ -5,11 +5,12 @@ use std::sync::Arc;
 
 use plychain::effect::{self, Acting, limit::alter_checked};
 use plychain::error::Result;
-use plychain::fem::verify::without_rigid_motion;
 use plychain::fem::{Anchor, Bump, Locator, Plate, Setup, Yield};
 use plychain::geometry::Density;
 use plychain::laminate::{LoadSpec, Ply, SpecimenSpec, abd};
 use plychain::mesh_files::{ElementKind, ImportedPlate};
+
+use crate::verify::without_rigid_motion;
 use serde_json::{Value, json};
 
 use super::exact::strains;

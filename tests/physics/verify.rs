@@ -1,13 +1,10 @@
-//! Verification of the finite elements by refinement, and of the reduced basis by the finite elements. Closed forms: `tests/fem`.
+//! Verification of the finite elements by refinement.
 
-use super::observe::Locator;
-use super::plate::Plate;
-use super::setup::Setup;
-use super::span::Certificate;
-use crate::error::{Error, Result};
-use crate::field::rigid;
-use crate::geometry::{Density, Geometry};
-use crate::laminate::Ply;
+use plychain::error::{Error, Result};
+use plychain::fem::{Locator, Plate, Setup};
+use plychain::field::rigid;
+use plychain::geometry::{Density, Geometry};
+use plychain::laminate::Ply;
 
 /// One line of a verification table.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,34 +28,6 @@ impl Check {
             passed: value <= bound,
         }
     }
-}
-
-/// Answers of a reduced basis beside the solver's: the bound holds, is sharp, and nothing changes.
-pub fn basis(certificates: &[Certificate]) -> Vec<Check> {
-    let largest = |of: fn(&Certificate) -> f64| certificates.iter().map(of).fold(0.0, f64::max);
-    let n = certificates.len();
-    vec![
-        Check::new(
-            format!("reduced basis: error over its bound, largest of {n}"),
-            largest(|c| c.error / c.bound),
-            1.0,
-        ),
-        Check::new(
-            format!("reduced basis: bound over the error, largest of {n}"),
-            largest(Certificate::effectivity),
-            5.0,
-        ),
-        Check::new(
-            "reduced basis: largest difference at a measured point, mm",
-            largest(|c| c.largest_mm),
-            1e-8,
-        ),
-        Check::new(
-            format!("reduced basis: difference at a measured point over its bound, largest of {n}"),
-            largest(|c| c.largest_mm / c.bound_mm),
-            1.0,
-        ),
-    ]
 }
 
 /// Largest difference of the displacements in the window (half side `half`, mm, up to the hole's edge, rigid
