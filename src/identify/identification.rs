@@ -6,7 +6,6 @@ use super::inverse::InverseProblem;
 use super::misfit::AgainstNoise;
 use super::patterns::Patterns;
 use super::residual::Residual;
-use super::structure::Structure;
 use crate::chain::Draws;
 use crate::diagnose::Verdict;
 use crate::linearise::StepStack;
@@ -29,8 +28,6 @@ pub struct Identification {
     pub residual: Residual,
     /// The same of the block averages of all steps, mm.
     pub left: StepStack,
-    /// Autocorrelation of the residual, and where it lies.
-    pub structure: Structure,
     /// What stationary noise does not do.
     pub patterns: Patterns,
     /// Whether the posterior has a mode that is not absurd; if not, its constants were held within reason.

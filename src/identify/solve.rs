@@ -14,7 +14,6 @@ use super::misfit::AgainstNoise;
 use super::patterns::Patterns;
 use super::prepared::{Begun, Prepared, is_clear, prepare_from};
 use super::residual::Residual;
-use super::structure::Structure;
 use super::warnings::{NO_MODE, first_fit, warnings};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
@@ -248,7 +247,6 @@ fn assessed(
         left,
         effect_amplitudes: of_effects(model, &inverse, amplitudes),
         patterns: Patterns::of(field, &residual.field, &inverse.noise, &clear),
-        structure: Structure::of(&residual.field, &inverse.noise, options.schedule.seed),
         doubts: Vec::new(),
         warnings: Vec::new(),
         determined,

@@ -204,7 +204,7 @@ fn convergence(round: &Identification) -> Convergence {
 }
 
 fn residual(round: &Identification) -> ResidualReport {
-    let (r, structure) = (&round.residual, &round.structure);
+    let r = &round.residual;
     ResidualReport {
         rms_nm: RmsReport {
             u1: r.rms_nm[0],
@@ -214,11 +214,6 @@ fn residual(round: &Identification) -> ResidualReport {
         noise_nm: r.noise_nm.into(),
         chi2_reduced: r.chi2_reduced,
         structured_fraction: r.structured_fraction,
-        p_spatial: structure.p_spatial,
-        morans_i: structure.moran.map(finite).into(),
-        variogram: structure.variogram.clone(),
-        rings: structure.rings.clone(),
-        quadrants_nm: map(&structure.quadrants, |q| (*q).into()),
         patterns: round.patterns.clone(),
         n: r.points,
         n_eff: r.effective_points,

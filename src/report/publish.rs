@@ -48,8 +48,6 @@ fn write_numbers(page: &Page, into: &Path) -> Result<()> {
     let mut numbers = vec![("intervals".to_string(), columns(&page.intervals()))];
     numbers.push(("blind-spots".into(), columns(&blind_spots(page))));
     for (k, round) in page.report.rounds.iter().enumerate() {
-        let residual = &round.residual;
-        numbers.push((format!("variogram-{k}"), columns(&residual.variogram)));
         let candidates = round.tracing.as_ref().map_or_else(Vec::new, candidates);
         numbers.push((format!("candidates-{k}"), columns(&candidates)));
     }

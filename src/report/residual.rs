@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::field::Rejected;
-use crate::identify::{Patterns, RingRms, VariogramLag};
+use crate::identify::Patterns;
 
 /// A quantity of each displacement component.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -27,18 +27,6 @@ pub struct ResidualReport {
     pub chi2_reduced: f64,
     /// Share of the mean square that is not noise.
     pub structured_fraction: f64,
-    /// Probability of so much spatial autocorrelation by noise alone.
-    pub p_spatial: f64,
-    /// Moran's I of adjacent blocks.
-    pub morans_i: ByComponent<Option<f64>>,
-    #[serde(default)]
-    pub variogram: Vec<VariogramLag>,
-    /// Rings about the hole, from the inside.
-    #[serde(default)]
-    pub rings: Vec<RingRms>,
-    /// Quadrants about the hole: (+1, +2), (-1, +2), (-1, -2), (+1, -2).
-    #[serde(default)]
-    pub quadrants_nm: Vec<ByComponent<f64>>,
     #[serde(default)]
     pub patterns: Patterns,
     pub n: usize,

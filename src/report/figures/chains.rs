@@ -1,11 +1,10 @@
-//! How the chains behaved: traces, ranks, autocorrelation; and the residual's variogram.
+//! How the chains behaved: traces, ranks, autocorrelation.
 
 use indexmap::IndexMap;
 use plotters::prelude::*;
 
 use super::canvas::{Area, Figure, GRID, INK, SERIES, draw, span, step, text};
 use crate::error::Result;
-use crate::identify::VariogramLag;
 use crate::report::json::Keyed;
 use crate::report::numbers::{LagPoint, RankBin, TracePoint};
 
@@ -60,21 +59,6 @@ pub fn autocorrelation(lags: &[LagPoint]) -> Result<Option<Figure>> {
     }
     let alt = "Autocorrelation of the walkers by lag in stored draws";
     grid(panels, alt, ["lag, stored draws", ""])
-}
-
-/// The variogram of the residual's block averages.
-pub fn variogram(lags: &[VariogramLag]) -> Result<Option<Figure>> {
-    let both = |l: &VariogramLag| [(1, l.u1_nm2), (2, l.u2_nm2)].map(|v| (l.distance_mm, v));
-    let titles = [1, 2].map(|c| format!("u{c}, semivariance in nm\u{b2}"));
-    let points = lags.iter().flat_map(both);
-    let mut panels = panels(points.map(|(d, (c, value))| (&titles[c - 1], c, (d, value))));
-    for (k, panel) in panels.iter_mut().enumerate() {
-        panel.x[0] = 0.0;
-        panel.y = [0.0, 1.08 * panel.y[1].max(1e-12)];
-        panel.lines[0].colour = SERIES[k];
-    }
-    let alt = "Variogram of the residual's block averages: level for noise without structure, rising where neighbours are alike";
-    grid(panels, alt, ["distance, mm", ""])
 }
 
 /// A panel for each title and in it a line for each number, in their order.

@@ -51,8 +51,7 @@ pub fn all(page: &Page) -> Result<Vec<Figure>> {
         corner::corner(&page.quoted)?.map(|f| f.called("corner-averaged")),
     ];
     figures.extend(once.into_iter().flatten());
-    for (k, (round, data)) in page.report.rounds.iter().zip(&page.figures).enumerate() {
-        let residual = &round.residual;
+    for (k, data) in page.figures.iter().enumerate() {
         let drawn = [
             ("corner", corner::corner(data)?),
             ("trace", chains::traces(&data.trace)?),
@@ -61,7 +60,6 @@ pub fn all(page: &Page) -> Result<Vec<Figure>> {
                 "autocorrelation",
                 chains::autocorrelation(&data.autocorrelation)?,
             ),
-            ("variogram", chains::variogram(&residual.variogram)?),
         ];
         let named = drawn
             .into_iter()

@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-
 /// A 95 % interval of a constant, border units.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct IntervalLine {

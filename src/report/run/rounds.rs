@@ -29,7 +29,7 @@ pub fn names(page: &Page) -> Vec<String> {
 pub type NumberOfRound = (&'static str, fn(&RoundReport) -> Option<f64>);
 
 /// What of a round's residual is shown.
-pub const RESIDUAL: [NumberOfRound; 10] = [
+pub const RESIDUAL: [NumberOfRound; 9] = [
     ("residual RMS u1 (along the load), nm", |r| {
         Some(r.residual.rms_nm.u1)
     }),
@@ -51,7 +51,6 @@ pub const RESIDUAL: [NumberOfRound; 10] = [
     ("structured share of the variance", |r| {
         Some(r.residual.structured_fraction)
     }),
-    ("p of no spatial structure", |r| Some(r.residual.p_spatial)),
 ];
 
 /// The residual of rounds against the noise.
@@ -248,9 +247,5 @@ pub fn maps(page: &Page) -> Section {
     if page.figures.iter().any(|f| !f.maps.is_empty()) {
         section.push(Piece::Note("Cells are means of the points in them; grey where nothing was measured. Measured and predicted share a scale; residuals share one over components and rounds, white at zero, which covers 99.5 % of them. Point at a map for the value of a cell.".into()));
     }
-    section.extend(names.iter().enumerate().map(|(k, name)| Piece::Figure {
-        heading: format!("Variogram of the residual: {name}"),
-        name: format!("variogram-{k}"),
-    }));
     section
 }
