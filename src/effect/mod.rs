@@ -47,10 +47,11 @@ mod thickness_taper;
 mod uniform_strain;
 mod yielding;
 
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
 use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::field::Frame;
-use crate::files::{Stored, stored};
 use crate::laminate::{Material, MeanSd, Ply};
 
 pub use optics::displacements_are_imaged;
@@ -511,22 +512,22 @@ pub fn find(place: &str, name: &str) -> Result<&'static dyn Effect> {
 }
 
 /// An effect with its amplitudes, one a parameter, in border units.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Acting {
     pub effect: &'static dyn Effect,
     pub amplitude: Vec<f64>,
 }
 
-stored!(Acting { effect, amplitude });
-
-/// By its name, which is looked up.
-impl Stored for &'static dyn Effect {
-    fn put(&self, out: &mut Vec<u8>) {
-        self.name().to_string().put(out);
+/// By its name.
+impl Serialize for dyn Effect {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        self.name().serialize(serializer)
     }
+}
 
-    fn take(from: &mut &[u8]) -> Option<Self> {
-        find("stage", &String::take(from)?).ok()
+impl<'de> Deserialize<'de> for &'static dyn Effect {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
+        find("effect", &String::deserialize(from)?).map_err(serde::de::Error::custom)
     }
 }
 

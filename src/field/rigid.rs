@@ -1,11 +1,9 @@
 //! Least-squares rigid motion of a plane field.
 
-use serde::Serialize;
-
-use crate::files::stored;
+use serde::{Deserialize, Serialize};
 
 /// Translation of the centre and small rotation about it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RigidMotion {
     /// Translation (u1, u2), mm.
     pub shift: [f64; 2],
@@ -17,13 +15,6 @@ pub struct RigidMotion {
     /// The centre of the points, mm.
     pub center: [f64; 2],
 }
-
-stored!(RigidMotion {
-    shift,
-    angle,
-    own,
-    center
-});
 
 impl RigidMotion {
     /// No motion.

@@ -36,4 +36,4 @@ pub use solve::{Options, Reporting, checked, identify, identify_from, redrawn};
 pub use structure::{RingRms, Structure, VariogramLag};
 pub use surrogate::{SurrogateError, TOLERANCE};
 pub use warnings::PRIOR_SDS;
-pub use weighed::{NumberedPoint, bytes_of, weighed};
+pub use weighed::{NumberedPoint, made_of, weighed};

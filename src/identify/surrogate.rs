@@ -1,13 +1,14 @@
 //! The finite elements against the density at draws of the posterior.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::Result;
-use crate::files::stored;
 use crate::numeric::shares;
 use crate::posterior::{CompletedDraw, FullModels, Posed, PosedDraws};
 use crate::quantity::NM_PER_MM;
 
 /// What the density's own error does to the posterior, measured where the posterior is.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct SurrogateError {
     /// Number of draws at which the finite elements were solved.
     pub draws: usize,
@@ -26,7 +27,7 @@ pub struct SurrogateError {
 }
 
 /// Mean and sd of a constant over the draws at which the finite elements were solved.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Reweighted {
     pub name: String,
     /// With equal weights.
@@ -37,21 +38,6 @@ pub struct Reweighted {
 
 /// Largest error, posterior sds, that is not worth a word.
 pub const TOLERANCE: f64 = 0.05;
-
-stored!(SurrogateError {
-    draws,
-    shift_sd,
-    bias_sd,
-    log_weights,
-    moments,
-    max_field_nm,
-    rms_field_nm
-});
-stored!(Reweighted {
-    name,
-    plain,
-    weighted
-});
 
 impl SurrogateError {
     /// The largest shift of any constant, in posterior standard deviations.

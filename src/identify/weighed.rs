@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
+use serde::Serialize;
+
 use crate::error::Result;
-use crate::files::{KeptStages, Stored};
+use crate::files::KeptStages;
 use crate::infer::Model;
 use crate::linearise::{Forward, Measured, Sensitivities};
 use crate::noise::series::{FrameNoise, Frames, found_noise, settings_under};
@@ -35,8 +37,7 @@ pub fn weighed(
         before,
     } = of;
     let steps = Weighing::steps(measured);
-    let mut of = bytes_of(forward.model, measured);
-    sensitivities.put(&mut of);
+    let of = (made_of(forward.model, measured), sensitivities);
     let step = || progress.step();
     let begin = || progress.begin("noise of the measurement", Some(steps as u64));
     let Some(frames) = measured.frames() else {
@@ -77,12 +78,13 @@ fn known(before: &Weighing, frames: &Frames<'_>) -> Option<FrameNoise> {
     (noise.by_contrasts && is_same).then(|| noise.clone())
 }
 
-/// The bytes of a model and of what was measured of it.
-pub fn bytes_of(model: &Model, measured: &Measured) -> Vec<u8> {
-    let mut of = Vec::new();
+/// A model and what was measured of it.
+pub fn made_of<'a>(model: &'a Model, measured: &'a Measured) -> impl Serialize + 'a {
     let file = model.file.to_json().unwrap_or_default();
-    file.to_string().put(&mut of);
-    (model.known.clone(), model.nominal.clone()).put(&mut of);
-    measured.averages.put(&mut of);
-    of
+    (
+        file.to_string(),
+        &model.known,
+        &model.nominal,
+        &measured.averages,
+    )
 }
