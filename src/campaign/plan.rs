@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use serde_with::skip_serializing_none;
 
 use super::declared::{Declared, read};
 use super::file::Verb;
@@ -27,6 +28,7 @@ pub struct Plan {
 }
 
 /// One run.
+#[skip_serializing_none]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// Names its folder, unless it is a share of something.
@@ -34,7 +36,6 @@ pub struct Run {
     pub verb: Verb,
     /// The model file that it reads: one in the campaign's folder where keys were set.
     pub model: PathBuf,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub data: Option<PathBuf>,
     pub seed: u64,
     /// Keys that were set in the model file.
@@ -43,7 +44,6 @@ pub struct Run {
     /// Options of the verb.
     pub options: Vec<String>,
     /// Share K of N of a calibration, and the name of the folder that all shares have.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub share: Option<(String, [usize; 2])>,
     /// SHA-256 of every file that it reads.
     pub inputs_sha256: Keyed<String>,

@@ -47,7 +47,7 @@ impl RunState {
 pub struct RunStatus {
     pub state: RunState,
     /// Why it failed, or was not brought to its end.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub cause: Option<String>,
     /// How often it was begun or gone on with.
     pub attempts: usize,

@@ -89,7 +89,7 @@ impl StoreReader {
             draws,
             chunk,
             codec,
-            checked: Cell::new(digests.is_empty()),
+            checked: Cell::new(false),
             digests,
             held: RefCell::default(),
         };
@@ -286,11 +286,8 @@ impl StoreReader {
     }
 }
 
-/// The digests of a store's arrays: of a store of an earlier version none at all; or nothing where some are missing.
+/// The digests of a store's arrays; nothing where some are missing.
 fn digests(written: &serde_json::Value, names: &[String]) -> Option<Vec<Digest>> {
-    if written.is_null() {
-        return Some(Vec::new());
-    }
     let of = |array: String| u64::from_str_radix(written[array].as_str()?, 16).ok();
     arrays(names).map(|array| of(array).map(Digest)).collect()
 }

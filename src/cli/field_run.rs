@@ -133,11 +133,11 @@ pub fn write_identified(
     Ok(Page::gather(rounds, report, manifest, truth(files)?))
 }
 
-/// What `truth.json` beside simulated data says; `None` for measured data.
+/// What `truth.json` beside simulated data says; nothing of measured data.
 ///
 /// # Errors
 /// The input's fault if the file is there and is no JSON.
-pub fn truth(files: &[PathBuf]) -> Result<Option<KnownTruth>> {
+pub fn truth(files: &[PathBuf]) -> Result<KnownTruth> {
     let beside = files.first().and_then(|f| f.parent());
-    beside.map_or(Ok(None), KnownTruth::load)
+    beside.map_or_else(|| Ok(KnownTruth::default()), KnownTruth::load)
 }

@@ -161,11 +161,8 @@ fn finish(
 fn write_study(place: &Path, report: &StudyReport, draws: &Draws, study: &Study) -> Result<()> {
     files::write_json(&place.join("model.json"), &study.json(true)?)?;
     files::write_json(&place.join("report.json"), report)?;
-    let truth = study.path.parent().map_or(Ok(None), KnownTruth::load)?;
-    files::replace(
-        &place.join("report.html"),
-        page(report, draws, truth.as_ref())?,
-    )
+    let truth = field_run::truth(std::slice::from_ref(&study.path))?;
+    files::replace(&place.join("report.html"), page(report, draws, &truth)?)
 }
 
 /// `report` of a finished run without a field.
@@ -176,10 +173,7 @@ pub fn report_again(folder: &Path) -> Result<()> {
     let sampler = Ensemble::default();
     report.sections = sections(&study, &draws, &Options::new(&sampler, cache()))?;
     let truth = KnownTruth::load(folder)?;
-    files::replace(
-        &folder.join("report.html"),
-        page(&report, &draws, truth.as_ref())?,
-    )
+    files::replace(&folder.join("report.html"), page(&report, &draws, &truth)?)
 }
 
 /// `loop` of a study that is not one field alone.

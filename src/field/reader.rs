@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_with::skip_serializing_none;
 
 use super::frame::Frame;
 use super::grid::Grid;
@@ -63,6 +64,7 @@ pub struct ColumnMap {
 }
 
 /// Header names of the columns of a table. A name after a minus sign is that column with its sign changed: `"uy": "-V"`.
+#[skip_serializing_none]
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Columns {
@@ -77,10 +79,8 @@ pub struct Columns {
     /// Standard deviation of a displacement, as the program that correlated the images states it. Where it is not above 0
     /// the correlation failed (VIC and DICe write -1), and the point is dropped; a column that is 0 everywhere says nothing, and a 0 beside a
     /// good correlation was rounded.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<String>,
     /// Correlation coefficient, 1 for a perfect match (ZNCC). Points below [`LEAST_CORRELATION`] are dropped.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correlation: Option<String>,
     /// Whether x and y are places in the deformed state, as GOM writes them: the reference place is then x - ux, y - uy.
     #[serde(default, skip_serializing_if = "is_false")]
@@ -104,6 +104,7 @@ pub const LEAST_CORRELATION: f64 = 0.9;
 pub const PIXEL: &str = "px";
 
 /// Units of a table's columns, by their names in [`crate::quantity::Length`], or [`PIXEL`].
+#[skip_serializing_none]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Units {
@@ -113,10 +114,8 @@ pub struct Units {
     pub displacements: String,
     /// Unit of the standard deviations, that of the displacements where it is not declared. Without a scale those in pixels
     /// tell failed points and nothing else.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<String>,
     /// Size of a pixel on the specimen, mm, where a unit is the pixel.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mm_per_pixel: Option<f64>,
 }
 

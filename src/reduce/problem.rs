@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
+use serde_with::skip_serializing_none;
 
 use super::design::{Dimension, THICKNESS, enough_samples};
 use super::modes::Modes;
@@ -13,6 +14,7 @@ use crate::experiment::{FieldSolver, Given, State};
 use crate::laminate::Material;
 
 /// The `reduced_model` object of a model file.
+#[skip_serializing_none]
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReducedSpec {
@@ -22,10 +24,8 @@ pub struct ReducedSpec {
     /// Total degree of the response surfaces.
     pub degree: usize,
     /// Bounds by parameter name, in place of those that follow from the priors.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub doe: Option<std::collections::BTreeMap<String, [f64; 2]>>,
     /// The published reduced model that this one is to be compared with.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub reference: Option<Reference>,
     /// Solve the finite elements for every prediction instead of answering from a reduced basis or correcting a solution nearby.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

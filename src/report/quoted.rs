@@ -34,7 +34,7 @@ pub struct QuotedAnswer {
     /// Whether the chains have converged, in words.
     pub convergence: String,
     /// How independent proposals fared, where the chains are of such.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub proposals: Option<Proposals>,
     /// How the draws fare under the full nonlinear model.
     pub full_model: Importance,

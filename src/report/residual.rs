@@ -45,7 +45,7 @@ pub struct ResidualReport {
     /// Number of independent values of both components that they count as.
     pub n_eff: f64,
     /// RMS error of held-out block averages, where the residual was traced.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub holdout_rms_nm: Option<f64>,
 }
 

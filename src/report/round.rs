@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::json::{Keyed, part};
+use super::json::{Keyed, or_nan, part};
 use super::residual::{NoiseReport, ResidualReport};
 use super::steps::{LinearityReport, StepReport};
 use super::surrogate::SurrogateReport;
@@ -36,7 +36,7 @@ pub struct RoundReport {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<StepReport>,
     /// Whether they are proportional to the load.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub linearity: Option<LinearityReport>,
     #[serde(flatten, deserialize_with = "tracing")]
     pub tracing: Option<TracingReport>,
@@ -80,12 +80,16 @@ pub struct PosteriorSummary {
     pub median: f64,
     #[serde(rename = "q97.5")]
     pub high: f64,
-    pub mcse_mean: Option<f64>,
-    pub rhat: Option<f64>,
-    pub ess_bulk: Option<f64>,
-    pub ess_tail: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub mcse_mean: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub rhat: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub ess_bulk: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub ess_tail: f64,
     /// What the model says that others found.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub published: Option<MeanAndSd>,
 }
 
@@ -107,10 +111,14 @@ pub struct Correlation {
 /// What the chains are worth. Times count stored draws.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Convergence {
-    pub rhat_max: Option<f64>,
-    pub ess_bulk_min: Option<f64>,
-    pub ess_tail_min: Option<f64>,
-    pub tau_max: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub rhat_max: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub ess_bulk_min: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub ess_tail_min: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub tau_max: f64,
     /// Whether every parameter satisfies the rule.
     pub converged: bool,
     /// The verdict on the chains in one line.

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::json::or_nan;
 use super::residual::ByComponent;
 use crate::quantity::chance;
 use crate::section::{Table, TableCell, row};
@@ -21,7 +22,7 @@ pub struct StepReport {
     /// Noise of the step over the steps' typical one.
     pub noise_scale: f64,
     /// The step as the others predict it, where enough steps know the noise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOutReport>,
 }
 
@@ -34,7 +35,8 @@ pub struct HeldOutReport {
     /// With the effects that tracing found.
     pub explained_rms_nm: ByComponent<f64>,
     /// By how many sds the step's misfit is larger than the declared model expects.
-    pub z: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub z: f64,
 }
 
 /// The test of a response that is proportional to the load, apart from motion and from what is common to all steps.
@@ -94,7 +96,7 @@ pub fn table(first: &[StepReport], last: &[StepReport]) -> Table {
             true => format!("{:.3}", a.load),
             false => format!("{:.3}?", a.load),
         };
-        let z = TableCell::signed(after.and_then(|h| h.z), 1);
+        let z = TableCell::signed(after.map(|h| h.z), 1);
         let end = [z, TableCell::fixed(a.noise_scale, 2)];
         let cells = [load.into()].into_iter().chain(left.into_iter().flatten());
         row(&a.name, cells.chain(end))

@@ -38,7 +38,6 @@ pub struct Found {
     #[serde(skip_deserializing)]
     pub robust_z: Option<f64>,
     /// What the data added to the prior, where the report says it.
-    #[serde(default)]
     pub learned: Option<Learned>,
 }
 

@@ -51,7 +51,7 @@ pub struct FringeImages {
     #[serde(rename = "U_along")]
     pub u_along: Axis,
     /// Column and row, counted from 0, of the point that is the origin of X and Y (default: the picture's centre).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub origin_px: Option<[f64; 2]>,
 }
 

@@ -4,12 +4,12 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
 use super::columns;
 use crate::error::{Error, Result};
 use crate::files;
-use crate::report::json::load;
+use crate::report::json::{load, or_nan};
 
 /// The tables of one round.
 #[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
@@ -112,17 +112,10 @@ impl FigureData {
     /// The input's fault, with the file, if one cannot be read.
     pub fn read(folder: &Path, k: &str) -> Result<Self> {
         let mut all = Map::new();
-        for (figure, tables) in FIGURES {
+        for (figure, _) in FIGURES {
             let name = format!("{figure}-{k}.json");
             if folder.join(&name).exists() {
                 all.extend(load::<Map<String, Value>>(folder, &name)?);
-                continue;
-            }
-            for table in tables {
-                let path = folder.join(format!("{table}-{k}.csv"));
-                if path.exists() {
-                    all.insert((*table).into(), json!(columns::from_csv(&path)?));
-                }
             }
         }
         serde_json::from_value(Value::Object(all)).map_err(|e| {
@@ -148,12 +141,18 @@ pub fn write(folder: &Path, figure: &str, numbers: &Value) -> Result<()> {
 pub struct MapCell {
     pub x_mm: f64,
     pub y_mm: f64,
-    pub u1_measured_um: Option<f64>,
-    pub u1_predicted_um: Option<f64>,
-    pub u1_residual_nm: Option<f64>,
-    pub u2_measured_um: Option<f64>,
-    pub u2_predicted_um: Option<f64>,
-    pub u2_residual_nm: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub u1_measured_um: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u1_predicted_um: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u1_residual_nm: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u2_measured_um: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u2_predicted_um: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u2_residual_nm: f64,
 }
 
 /// One block of one step, in the data's frame.
@@ -162,8 +161,10 @@ pub struct StepCell {
     pub step: String,
     pub x_mm: f64,
     pub y_mm: f64,
-    pub u1_residual_nm: Option<f64>,
-    pub u2_residual_nm: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub u1_residual_nm: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u2_residual_nm: f64,
 }
 
 /// What a line of the picture of a mesh is.
@@ -220,11 +221,16 @@ pub struct ParameterLine {
     pub median: f64,
     #[serde(rename = "q97.5")]
     pub high: f64,
-    pub prior_mean: Option<f64>,
-    pub prior_sd: Option<f64>,
-    pub cut_low: Option<f64>,
-    pub cut_high: Option<f64>,
-    pub truth: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub prior_mean: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub prior_sd: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub cut_low: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub cut_high: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub truth: f64,
 }
 
 /// One bin of a marginal density.
@@ -268,5 +274,6 @@ pub struct RankBin {
 pub struct LagPoint {
     pub parameter: String,
     pub lag: usize,
-    pub autocorrelation: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub autocorrelation: f64,
 }
