@@ -150,10 +150,24 @@ fn unless_moments(scene: &Scene) -> Option<&'static str> {
         .then_some("stiff grips guide all loaded edges, which can neither turn nor lean")
 }
 
-/// The obstacle of an effect in closed form for plies of the same directions everywhere.
-fn unless_same_plies(scene: &Scene) -> Option<&'static str> {
+/// The obstacle of an expansion in closed form, for plies of the same directions everywhere.
+fn unless_same_expansion(scene: &Scene) -> Option<&'static str> {
+    if scene.expansion_per_k.is_none() {
+        return Some("the material's thermal expansion is unknown: give expansion_per_K");
+    }
     (scene.setup.has_own_plies())
         .then_some("regions of the mesh have plies of other directions (mesh.regions): they expand differently, and hold each other")
+}
+
+/// The obstacle of an effect of the specimen's own plies.
+fn unless_own_plies(scene: &Scene) -> Option<&'static str> {
+    if scene.material == Material::Isotropic {
+        return Some("an isotropic plate has no plies");
+    }
+    let has_own = scene.setup.regions.iter().any(|r| r.layup.is_some());
+    has_own.then_some(
+        "regions of the mesh have a layup of their own (mesh.regions), without the specimen's plies",
+    )
 }
 
 /// The obstacle of an effect that changes the hole, where the geometry does not offer it.

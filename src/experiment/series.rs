@@ -470,10 +470,5 @@ pub fn reported(
 
 /// A field without its least-squares rigid motion, each place counting with its weight.
 pub fn rigid_free(places: &[[f64; 2]], weights: &[usize], field: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let motion = rigid::fit_weighted(places, weights, field);
-    let left = |(&p, u): (&[f64; 2], &[f64; 2])| {
-        let m = motion.at(p);
-        [u[0] - m[0], u[1] - m[1]]
-    };
-    places.iter().zip(field).map(left).collect()
+    rigid::fit_weighted(places, weights, field).removed(places, field)
 }

@@ -71,6 +71,17 @@ impl RigidMotion {
     }
 }
 
+impl RigidMotion {
+    /// Displacements at points without the motion, of first order in the rotation.
+    pub fn removed(&self, points: &[[f64; 2]], displacements: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let rest = |(&p, u): (&[f64; 2], &[f64; 2])| {
+            let m = self.at(p);
+            [u[0] - m[0], u[1] - m[1]]
+        };
+        points.iter().zip(displacements).map(rest).collect()
+    }
+}
+
 /// Fit a rigid motion to displacements `values` at `points`.
 pub fn fit(points: &[[f64; 2]], values: &[[f64; 2]]) -> RigidMotion {
     fitted(points, values, |_| 1.0)
