@@ -14,7 +14,7 @@ pub const NM_PER_MM: f64 = 1e6;
 pub const URAD_PER_RAD: f64 = 1e6;
 
 /// A unit of length that a data file may declare.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub enum Length {
     Metre,
     Millimetre,
@@ -58,7 +58,7 @@ impl Length {
 }
 
 /// Mean and sd, in the unit of what they are of.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct MeanAndSd {
     pub mean: f64,
     pub sd: f64,

@@ -15,7 +15,7 @@ use crate::files::{Keyed, parse_json};
 pub const SCHEMA: &str = "plychain-campaign/1";
 
 /// What is done to every model.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verb {
     Identify,
@@ -36,7 +36,7 @@ impl Verb {
 }
 
 /// A campaign file. Unknown keys are errors.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CampaignFile {
     pub schema: String,
@@ -67,7 +67,7 @@ pub struct CampaignFile {
 }
 
 /// A run named on its own.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunSpec {
     pub name: Option<String>,
@@ -87,7 +87,7 @@ pub struct RunSpec {
 
 /// Options of a run, as the command line has them.
 #[skip_serializing_none]
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunOptions {
     /// Most effects that a loop adds.

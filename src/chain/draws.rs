@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 
 /// Proposals and acceptances of one move over a run.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MoveTally {
     /// Name of the move (`stretch`, `de`, ...).
     pub name: String,
@@ -38,7 +38,7 @@ pub struct Info {
 }
 
 /// One scalar over a run, chain by chain.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct ScalarDraws {
     /// Values, chain by chain: `values[chain * draws + draw]`.
     pub values: Vec<f64>,

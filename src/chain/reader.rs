@@ -19,7 +19,7 @@ pub type TakeChunk<'a> = &'a mut dyn FnMut(usize, usize, &[Vec<f64>]) -> Result<
 const HELD: usize = 1 << 22;
 
 /// A store opened for reading.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct StoreReader {
     path: PathBuf,
     names: Vec<String>,

@@ -16,7 +16,7 @@ use super::zarr::{self, ArrayKind, CHUNK, FORMAT, arrays};
 use crate::error::{Error, Result};
 
 /// What the draws of a run are called.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Layout {
     /// Names of the parameters.
     pub names: Vec<String>,

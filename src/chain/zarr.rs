@@ -30,7 +30,7 @@ pub(super) fn arrays(names: &[String]) -> impl Iterator<Item = String> {
 }
 
 /// Type of an array's elements.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub(super) enum ArrayKind {
     Float,
     Integer,

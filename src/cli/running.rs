@@ -271,7 +271,7 @@ pub(super) fn not_converged(found: &str) -> Error {
 }
 
 /// When sampling ends.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Args)]
 pub(super) struct Limits {
     /// Maximum number of draws, all chains together
     #[arg(long, value_name = "N")]

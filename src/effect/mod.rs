@@ -183,7 +183,7 @@ fn unless_movable(scene: &Scene) -> Option<&'static str> {
 }
 
 /// How an effect acts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// A displacement field that is known beforehand is added to what is observed, in proportion to the amplitudes.
     Additive,
@@ -213,7 +213,7 @@ impl Kind {
 }
 
 /// What an effect's amplitude has to do with the steps of a load series.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scope {
     /// It belongs to the specimen or the load; its field grows with the force.
     Mechanical,
@@ -228,7 +228,7 @@ pub enum Scope {
 }
 
 /// What goes wrong where fringes are recorded. Both are taken out of the field before it is fitted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub enum RecordingError {
     /// Whole fringe orders, in a region.
     MiscountedOrders,

@@ -12,7 +12,7 @@ use crate::fem::Anchor;
 use crate::field::rigid::{self, RigidMotion};
 
 /// How the amplitude of a motion goes over the steps of a series.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Law {
     /// It has arisen with the reference picture: the same in every step.

@@ -76,7 +76,7 @@ pub struct ExperimentSpec {
 }
 
 /// What is known of the forces of a series beside what each step declares.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct StepForces {
     /// The force that all others are stated over, N.
     pub nominal_n: f64,
@@ -85,7 +85,7 @@ pub struct StepForces {
 }
 
 /// What an experiment observes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", try_from = "String")]
 pub enum ExperimentKind {
     /// The displacement field of a plate under one load.

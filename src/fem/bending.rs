@@ -132,7 +132,7 @@ impl BendingFactor<'_> {
 
 /// A moment M1 about direction 2 that acts on the whole specimen through the edges `low` and `high`, per length of the parallel
 /// part's width: M1 = moment + gradient s, s from the origin, with the shear force at both ends that a gradient needs.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy)]
 pub struct EndMoment {
     /// N mm a mm.
     pub moment: f64,
@@ -180,7 +180,7 @@ fn chord(mesh: &Mesh, [a, _, b]: &Edge) -> f64 {
 }
 
 /// A bent plate, up to its rigid motion.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Bent {
     /// Deflection w towards the face z = +h/2, mm, one a node.
     pub deflection: Vec<f64>,

@@ -10,7 +10,7 @@ use crate::geometry::{Density, Geometry};
 use crate::laminate::Ply;
 
 /// One line of a verification table.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub struct Check {
     /// What was computed.
     pub what: String,

@@ -29,7 +29,7 @@ pub struct ImageCorrelation {
 }
 
 /// What happens to points whose subset reaches over an edge or the hole: the fit on what is left of it is another average.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PartialSubsets {
     /// They are dropped and counted.
@@ -47,7 +47,7 @@ impl PartialSubsets {
 }
 
 /// How the displacement varies over a subset.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SubsetShape {
     Full,

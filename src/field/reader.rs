@@ -65,7 +65,7 @@ pub struct ColumnMap {
 
 /// Header names of the columns of a table. A name after a minus sign is that column with its sign changed: `"uy": "-V"`.
 #[skip_serializing_none]
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Columns {
     /// The point's x coordinate.

@@ -50,7 +50,7 @@ pub struct Source {
 }
 
 /// What happens to points that [`outliers::outliers`] finds.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OutlierRule {
     /// They are dropped and counted.
@@ -63,7 +63,7 @@ pub enum OutlierRule {
 /// The keys as they are written: serde's internally tagged enums let unknown keys pass, so one flat set of keys is
 /// read and then sorted by format.
 #[skip_serializing_none]
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SpecKeys {
     format: String,

@@ -21,7 +21,7 @@ pub const STAGES: &str = "stages";
 const FORMAT: &str = "plychain-stage/3";
 
 /// Where finished stages are kept; nowhere by default.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct KeptStages {
     place: Option<(PathBuf, String)>,
     resume: bool,

@@ -78,7 +78,7 @@ pub struct ClampSpec {
 }
 
 /// An end of the plate along direction 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum End {
     /// The end that direction 1 points away from.
@@ -97,7 +97,7 @@ pub struct LoadSpec {
 }
 
 /// How the ply's stiffness is parameterised.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Material {
     /// Plies with E1, E2, nu12, G12.

@@ -88,7 +88,7 @@ pub struct LoadedEdge {
 }
 
 /// How a force is spread over an edge.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Spread {
     /// A uniform traction with the force as its resultant.
@@ -118,7 +118,7 @@ pub struct HeldEdge {
 }
 
 /// An axis of the mesh.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MeshAxis {
     X,

@@ -33,7 +33,7 @@ pub struct ReducedSpec {
 }
 
 /// Where the snapshots come from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum SnapshotsSpec {
     /// So many of the own finite elements.

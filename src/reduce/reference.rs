@@ -6,7 +6,7 @@
 use serde::{Deserialize, Serialize};
 
 /// A published reduced model that a model file names with `reduced_model.reference`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub enum Reference {
     #[serde(rename = "gogu-2013")]
     Gogu2013,

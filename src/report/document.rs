@@ -21,7 +21,7 @@ use crate::trace::{Conclusion, Interval};
 pub const SCHEMA: &str = "plychain-report/1";
 
 /// What a run found. Numbers that can be infinite or NaN are options: JSON has `null` for them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Report {
     pub schema: String,
     pub model: String,
@@ -41,7 +41,7 @@ pub struct Report {
 }
 
 /// What a loop adds to its rounds.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Closing {
     /// The constants averaged over what may act unseen.
     pub averaged_posterior: Keyed<Interval>,

@@ -14,7 +14,7 @@ use crate::parameter::Parameter;
 use crate::progress::StageCost;
 
 /// `run.json` of a finished run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Manifest {
     pub program: String,
     pub version: String,
@@ -44,7 +44,7 @@ impl Manifest {
 }
 
 /// `truth.json` beside simulated data, which other programs may have written: what it does not say is not known.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct KnownTruth(Value);
 

@@ -11,7 +11,7 @@ use crate::identify::Identification;
 use crate::section::{Digits, TableCell};
 use crate::trace::{Closed, ToQuote};
 
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Page {
     pub report: Report,
     pub manifest: Manifest,

@@ -10,7 +10,7 @@ use crate::posterior::Importance;
 use crate::trace::{Closed, Interval, Proposals, ToQuote, closed_forms};
 
 /// What was sampled for the quoted constants; its draws are `averaged/chain.zarr`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct QuotedReport {
     /// One answer, or the three that the quoted intervals span.
     pub answers: Vec<QuotedAnswer>,
@@ -22,7 +22,7 @@ pub struct QuotedReport {
     pub sources: Vec<WidthSource>,
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct QuotedAnswer {
     /// `small`, `all` or `none`: how large effects are that are not declared.
     pub name: String,
@@ -40,7 +40,7 @@ pub struct QuotedAnswer {
 }
 
 /// A constant of an answer that is not what the closed form makes of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct ClosedFormDifference {
     pub answer: String,
     pub constant: String,
@@ -51,7 +51,7 @@ pub struct ClosedFormDifference {
 }
 
 /// Something that stands in for a constant, or against it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Trade {
     pub constant: String,
     pub with: String,

@@ -6,7 +6,7 @@ use crate::field::Rejected;
 use crate::identify::{Patterns, RingRms, VariogramLag};
 
 /// A quantity of each displacement component.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct ByComponent<T> {
     pub u1: T,
     pub u2: T,
@@ -19,7 +19,7 @@ impl<T> From<[T; 2]> for ByComponent<T> {
 }
 
 /// What the posterior mean leaves unexplained.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct ResidualReport {
     pub rms_nm: RmsReport,
     /// Standard deviation of the noise at a point.
@@ -46,7 +46,7 @@ pub struct ResidualReport {
 }
 
 /// Root mean squares, nm.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct RmsReport {
     pub u1: f64,
     pub u2: f64,
@@ -54,7 +54,7 @@ pub struct RmsReport {
 }
 
 /// The measurement's noise.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct NoiseReport {
     pub u1: NoiseComponent,
     pub u2: NoiseComponent,
@@ -65,7 +65,7 @@ pub struct NoiseReport {
 }
 
 /// Noise of one component: standard deviations, and the length of the correlated part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct NoiseComponent {
     /// Of the white part, from neighbouring points.
     pub white_nm: f64,

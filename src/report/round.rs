@@ -13,7 +13,7 @@ use crate::parameter::{Parameter, ParameterKind};
 pub use crate::quantity::MeanAndSd;
 
 /// One identification, and in a loop what its residual was traced to.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct RoundReport {
     pub effects_declared: Vec<String>,
     /// Every sampled parameter: constants, amplitudes of mechanical effects (`effect.parameter`), the noise.
@@ -69,7 +69,7 @@ impl RoundReport {
 }
 
 /// The marginal posterior of one parameter, border units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct PosteriorSummary {
     pub mean: f64,
     pub sd: f64,
@@ -99,7 +99,7 @@ impl MeanAndSd {
     }
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Correlation {
     pub names: Vec<String>,
     /// Row by row; `null` for a parameter that does not vary.
@@ -107,7 +107,7 @@ pub struct Correlation {
 }
 
 /// What the chains are worth. Times count stored draws.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Convergence {
     #[serde(deserialize_with = "or_nan")]
     pub rhat_max: f64,

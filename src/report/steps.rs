@@ -9,7 +9,7 @@ use crate::section::{Table, TableCell, row};
 use crate::trace::NOT_LINEAR;
 
 /// One step of a load series; the numbers of what is left are root mean squares of block averages.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct StepReport {
     pub name: String,
     /// Force over the nominal one, as declared or as the size of the field has it.
@@ -28,7 +28,7 @@ pub struct StepReport {
 
 /// Prediction of a step by a model that was fitted to all other steps; the step's own motion in the plane, a force that is not known, and
 /// free amplitudes are fitted to itself.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct HeldOutReport {
     /// Error of the declared model.
     pub rms_nm: ByComponent<f64>,
@@ -40,7 +40,7 @@ pub struct HeldOutReport {
 }
 
 /// The test of a response that is proportional to the load, apart from motion and from what is common to all steps.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct LinearityReport {
     /// Mean square of what goes as the load's square over that of what goes by no law.
     pub ratio: f64,

@@ -6,7 +6,7 @@ use super::json::Keyed;
 use crate::reduce::Choice;
 
 /// The reduced model's own error, measured by the finite elements at draws of the posterior.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct SurrogateReport {
     /// Largest shift of any parameter, posterior sds.
     pub max_error_in_posterior_sd: f64,
@@ -39,7 +39,7 @@ impl SurrogateReport {
 }
 
 /// Error of a field, nm.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct FieldErrorReport {
     pub max: f64,
     pub rms: f64,

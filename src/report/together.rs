@@ -11,7 +11,7 @@ use crate::section::{Piece, Section, Table, TableCell, row};
 use crate::study::{ClosedStudy, Disagreement, ExperimentSection, PairTension};
 
 /// What several experiments say alone, and how far they disagree.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct TogetherReport {
     /// The constants by the first experiment alone, with the effects that its model declares, and by all others together.
     pub field_alone: Keyed<MeanAndSd>,
@@ -38,7 +38,7 @@ pub struct TogetherReport {
 }
 
 /// How far two posteriors of one material disagree.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct TensionReport {
     /// Difference of the posterior means, the first less the second, and its sd if both saw one material.
     pub difference: Keyed<MeanAndSd>,
@@ -95,7 +95,7 @@ impl TensionReport {
 }
 
 /// How far an experiment disagrees with another.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct PairReport {
     pub first: String,
     /// None for all others together.

@@ -6,7 +6,7 @@ use super::json::{Keyed, or_nan};
 use crate::experiment::series::Law;
 use crate::trace::Interval;
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct TracingReport {
     /// Effects weighed, the most probable first.
     pub candidates: Vec<CandidateReport>,
@@ -25,7 +25,7 @@ pub struct TracingReport {
 }
 
 /// An effect weighed against the residual.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct CandidateReport {
     pub effect: String,
     /// How its amplitude goes over the steps of a series.
@@ -51,7 +51,7 @@ pub struct CandidateReport {
 }
 
 /// An amplitude, border units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct AmplitudeReport {
     pub parameter: String,
     pub mean: f64,
@@ -59,7 +59,7 @@ pub struct AmplitudeReport {
 }
 
 /// An effect of similar signature.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct AliasReport {
     pub effect: String,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -68,7 +68,7 @@ pub struct AliasReport {
 }
 
 /// Effects that the data cannot tell apart.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct AliasGroupReport {
     /// The member with the largest evidence.
     pub leader: String,
@@ -91,7 +91,7 @@ pub struct AliasGroupReport {
 }
 
 /// An effect outside a group that leaves almost the same field.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct ResemblingReport {
     pub effect: String,
     /// Cosine of the leader's part of the field and the nearest field of this effect.
@@ -107,21 +107,21 @@ pub struct ResemblingReport {
 }
 
 /// An amplitude that would be needed, border units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct NeededAmplitude {
     pub parameter: String,
     pub value: f64,
 }
 
 /// An effect that was not weighed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct LeftOut {
     pub effect: String,
     pub reason: String,
 }
 
 /// What an effect would do at its prior sd if it acted and the model lacked it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct BlindSpotReport {
     pub effect: String,
     /// How its amplitude goes over the steps of a series.

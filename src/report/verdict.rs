@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::json::{Keyed, or_nan};
 
 /// Figures of the first round and of the last.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct BeforeAfter {
     pub residual_rms_nm: [Option<f64>; 2],
     pub residual_rms_u1_nm: [Option<f64>; 2],
@@ -17,7 +17,7 @@ pub struct BeforeAfter {
 }
 
 /// A parameter before and after.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Shifted {
     pub mean: [f64; 2],
     pub sd: [f64; 2],

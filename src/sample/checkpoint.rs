@@ -16,7 +16,7 @@ use crate::files::hex;
 pub const FORMAT: &str = "plychain-checkpoint/2";
 
 /// How far warm-up has come.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Warm {
     /// Steps of complete windows.
     pub steps: usize,
@@ -28,7 +28,7 @@ pub struct Warm {
 }
 
 /// Everything a run needs to go on, apart from its draws.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub struct Checkpoint {
     pub warm: Warm,
     /// State of each ensemble.

@@ -80,7 +80,7 @@ impl EnsembleState {
 }
 
 /// A stretch of steps to take.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Span {
     pub steps: usize,
     /// Keep the state after every `thin`-th step; at least 1.
@@ -90,7 +90,7 @@ pub struct Span {
 }
 
 /// What one ensemble did over a span.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default)]
 pub struct Block {
     /// Kept positions, draw x parameter x walker.
     pub x: Vec<f64>,

@@ -19,7 +19,7 @@ pub use doe::text as doe_text;
 pub(super) use spread::{Weights, weights};
 
 /// `reduced_model.snapshots` in place of a number: a design and what another program solved of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SuppliedSpec {
     /// The design, as `plychain design-of-experiments` writes it.

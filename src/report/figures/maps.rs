@@ -11,7 +11,7 @@ use crate::numeric::quantile;
 use crate::report::numbers::MapCell;
 
 /// What of a round is mapped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mapped {
     Measured,
     Predicted,

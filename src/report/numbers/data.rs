@@ -12,7 +12,7 @@ use crate::files;
 use crate::report::json::{load, or_nan};
 
 /// The tables of one round.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FigureData {
     /// Means over cells of the field, row by row from the lowest y.
@@ -137,7 +137,7 @@ pub fn write(folder: &Path, figure: &str, numbers: &Value) -> Result<()> {
 }
 
 /// One cell of the maps, in the data's frame.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct MapCell {
     pub x_mm: f64,
     pub y_mm: f64,
@@ -156,7 +156,7 @@ pub struct MapCell {
 }
 
 /// One block of one step, in the data's frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct StepCell {
     pub step: String,
     pub x_mm: f64,
@@ -168,7 +168,7 @@ pub struct StepCell {
 }
 
 /// What a line of the picture of a mesh is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MeshPart {
     /// Sides between elements.
@@ -190,7 +190,7 @@ pub enum MeshPart {
 }
 
 /// A point of a line of the picture of a mesh, in the data's frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct MeshPoint {
     pub part: MeshPart,
     /// The edge's name.
@@ -202,7 +202,7 @@ pub struct MeshPoint {
 }
 
 /// The relative change of the membrane stiffness at a block, percent, and its sd.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct StiffnessCell {
     pub x_mm: f64,
     pub y_mm: f64,
@@ -211,7 +211,7 @@ pub struct StiffnessCell {
 }
 
 /// One sampled parameter, border units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct ParameterLine {
     pub parameter: String,
     pub mean: f64,
@@ -234,7 +234,7 @@ pub struct ParameterLine {
 }
 
 /// One bin of a marginal density.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct MarginalBin {
     pub parameter: String,
     pub value: f64,
@@ -242,7 +242,7 @@ pub struct MarginalBin {
 }
 
 /// One bin of a joint density, relative to the largest.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct JointBin {
     pub first: String,
     pub second: String,
@@ -252,7 +252,7 @@ pub struct JointBin {
 }
 
 /// One draw of a trace.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct TracePoint {
     pub parameter: String,
     pub ensemble: usize,
@@ -261,7 +261,7 @@ pub struct TracePoint {
 }
 
 /// One twentieth of the ranks: the share of an ensemble's draws in it, 1 where it is as expected.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct RankBin {
     pub parameter: String,
     pub ensemble: usize,
@@ -270,7 +270,7 @@ pub struct RankBin {
 }
 
 /// One lag, in stored draws.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct LagPoint {
     pub parameter: String,
     pub lag: usize,

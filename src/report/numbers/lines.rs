@@ -5,7 +5,7 @@ use serde::Serialize;
 use crate::report::residual::{ByComponent, ResidualReport};
 
 /// A 95 % interval of a constant, border units.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct IntervalLine {
     pub parameter: String,
     /// Whose interval it is.
@@ -29,7 +29,7 @@ pub struct CandidateLine<'a> {
 }
 
 /// RMS of the block averages of a residual somewhere.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct PlaceRms {
     pub place: String,
     pub u1_nm: f64,
