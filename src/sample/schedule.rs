@@ -17,7 +17,7 @@ pub trait Stop: Sync {
 }
 
 /// What the run is doing.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Phase {
     /// Adapting and forgetting the start; draws are thrown away.
     Warmup,
