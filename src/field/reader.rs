@@ -9,7 +9,7 @@ use super::frame::Frame;
 use super::grid::Grid;
 use super::measured::Field;
 use crate::error::{Error, Result};
-use crate::quantity::Length;
+use crate::quantity::length_in_mm;
 
 /// A format of measured fields: one file of this room, and one line of [`super::READERS`].
 pub trait Reader: Sync {
@@ -103,7 +103,7 @@ pub const LEAST_CORRELATION: f64 = 0.9;
 /// Name of the unit that needs a scale.
 pub const PIXEL: &str = "px";
 
-/// Units of a table's columns, by their names in [`crate::quantity::Length`], or [`PIXEL`].
+/// Units of a table's columns, by their names in [`crate::quantity::LENGTHS`], or [`PIXEL`].
 #[skip_serializing_none]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -168,7 +168,7 @@ impl Units {
     pub fn in_mm(&self) -> Result<[f64; 2]> {
         let scale = |key: &str, unit: &str| -> Result<f64> {
             if unit != PIXEL {
-                return Ok(Length::parse(key, unit)?.in_mm());
+                return length_in_mm(key, unit);
             }
             self.mm_per_pixel.ok_or_else(|| {
                 let expected = format!("a pixel's size in mm, because {key} is \"{PIXEL}\"");
@@ -191,7 +191,7 @@ impl Units {
     pub fn sigma_in_mm(&self) -> Result<Option<f64>> {
         match self.sigma.as_deref().unwrap_or(&self.displacements) {
             PIXEL => Ok(self.mm_per_pixel),
-            unit => Ok(Some(Length::parse("units.sigma", unit)?.in_mm())),
+            unit => length_in_mm("units.sigma", unit).map(Some),
         }
     }
 }
