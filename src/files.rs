@@ -13,7 +13,7 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 
-pub use kept::{KeptStages, STAGES, to_bytes};
+pub use kept::{KeptStages, STAGES, sealed, to_bytes, unsealed};
 pub use natural::natural;
 
 /// A JSON object of entries by name, in their order.

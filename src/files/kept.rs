@@ -58,7 +58,7 @@ impl KeptStages {
         let of = hex(&sum.finalize());
         let path = folder.join(format!("{name}-{}", &of[..16]));
         if let Some(bytes) = std::fs::read(&path).ok().filter(|_| self.resume) {
-            if let Some(value) = whole(&bytes, &of) {
+            if let Some(value) = unsealed(&format!("{FORMAT} {of}"), &bytes) {
                 return Ok(value);
             }
             let damaged = format!("{} is damaged: this stage is done again", path.display());
@@ -67,26 +67,29 @@ impl KeptStages {
         }
         let value = make()?;
         make_folder(folder)?;
-        replace(&path, file(&value, &of)?)?;
+        replace(&path, sealed(&format!("{FORMAT} {of}"), &value)?)?;
         Ok(value)
     }
 }
 
-/// The bytes of a stage's file.
-fn file(value: &impl Serialize, of: &str) -> Result<Vec<u8>> {
+/// The bytes of a file that holds a value: a line of its format and of the digest of what follows, then the value.
+///
+/// # Errors
+/// Of the program: a value that has no bytes.
+pub fn sealed(format: &str, value: &impl Serialize) -> Result<Vec<u8>> {
     let mut content = to_bytes(value)?;
     let sum = hex(&Sha256::digest(&content));
-    let mut bytes = format!("{FORMAT} {of} {sum}\n").into_bytes();
+    let mut bytes = format!("{format} {sum}\n").into_bytes();
     bytes.append(&mut content);
     Ok(bytes)
 }
 
-/// What a stage's file holds, if it is whole and was made of the same.
-fn whole<T: DeserializeOwned>(bytes: &[u8], of: &str) -> Option<T> {
+/// What such a file holds, if it is of this format and not damaged.
+pub fn unsealed<T: DeserializeOwned>(format: &str, bytes: &[u8]) -> Option<T> {
     let end = bytes.iter().position(|b| *b == b'\n')?;
     let content = &bytes[end + 1..];
     let sum = hex(&Sha256::digest(content));
-    if bytes[..end] != *format!("{FORMAT} {of} {sum}").as_bytes() {
+    if bytes[..end] != *format!("{format} {sum}").as_bytes() {
         return None;
     }
     rmp_serde::from_slice(content).ok()
