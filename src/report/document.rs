@@ -32,8 +32,10 @@ pub struct Report {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub together: Option<TogetherReport>,
     /// The model file as it was given.
+    #[serde(default)]
     pub told: Value,
     /// What the data added to the priors of the constants, by the interval to quote.
+    #[serde(default)]
     pub learned: Keyed<Learned>,
     /// What a loop adds.
     #[serde(flatten, deserialize_with = "closing")]

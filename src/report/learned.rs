@@ -18,6 +18,7 @@ pub struct Learned {
     /// Posterior mean less the prior's, prior sds.
     pub shift_prior_sd: f64,
     /// Whether it is of a common factor that only a force would tell, and none is known: the data say nothing then.
+    #[serde(default)]
     pub lacks_force: bool,
 }
 

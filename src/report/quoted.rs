@@ -19,6 +19,7 @@ pub struct QuotedReport {
     /// Amplitudes that go with a constant over the draws, the strongest first.
     pub trades: Vec<Trade>,
     /// What the widths of the intervals come from, the largest first.
+    #[serde(default)]
     pub sources: Vec<WidthSource>,
 }
 

@@ -31,11 +31,15 @@ pub struct ResidualReport {
     pub p_spatial: f64,
     /// Moran's I of adjacent blocks.
     pub morans_i: ByComponent<Option<f64>>,
+    #[serde(default)]
     pub variogram: Vec<VariogramLag>,
     /// Rings about the hole, from the inside.
+    #[serde(default)]
     pub rings: Vec<RingRms>,
     /// Quadrants about the hole: (+1, +2), (-1, +2), (-1, -2), (+1, -2).
+    #[serde(default)]
     pub quadrants_nm: Vec<ByComponent<f64>>,
+    #[serde(default)]
     pub patterns: Patterns,
     pub n: usize,
     /// Number of independent values of both components that they count as.

@@ -19,6 +19,7 @@ pub struct RoundReport {
     /// Every sampled parameter: constants, amplitudes of mechanical effects (`effect.parameter`), the noise.
     pub posterior: Keyed<PosteriorSummary>,
     /// Amplitudes of all declared effects.
+    #[serde(default)]
     pub effect_amplitudes: Keyed<MeanAndSd>,
     pub correlation: Correlation,
     pub convergence: Convergence,
@@ -27,6 +28,7 @@ pub struct RoundReport {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub doubts: Vec<String>,
     /// Sentences about results that should not be trusted as they stand.
+    #[serde(default)]
     pub warnings: Vec<String>,
     pub noise: NoiseReport,
     pub surrogate: SurrogateReport,

@@ -12,6 +12,7 @@ pub struct SurrogateReport {
     pub max_error_in_posterior_sd: f64,
     pub error_in_posterior_sd: Keyed<f64>,
     /// Mean shift of each: what does not average out.
+    #[serde(default)]
     pub bias_in_posterior_sd: Keyed<f64>,
     /// Draws at which the finite elements were solved.
     pub truth_draws: usize,
@@ -24,6 +25,7 @@ pub struct SurrogateReport {
     /// Low and high side of the box.
     pub doe: Keyed<[f64; 2]>,
     /// Predicted residual error of each coefficient.
+    #[serde(default)]
     pub press_mm: Vec<f64>,
     pub cached: bool,
 }

@@ -22,8 +22,10 @@ pub struct TogetherReport {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub tension_after: Option<TensionReport>,
     /// The constants by each experiment alone.
+    #[serde(default)]
     pub alone: Keyed<Keyed<MeanAndSd>>,
     /// The disagreement of every two experiments, and of each and all others where there are more than two.
+    #[serde(default)]
     pub tensions: Vec<PairReport>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tensions_after: Vec<PairReport>,
@@ -32,6 +34,7 @@ pub struct TogetherReport {
     pub effects: Keyed<Vec<String>>,
     /// What the experiments say that have no report of their own.
     pub experiments: Vec<Value>,
+    #[serde(default)]
     pub sections: Vec<ExperimentSection>,
     /// What should be known of the other experiments before the numbers are used.
     pub warnings: Vec<String>,
@@ -51,8 +54,11 @@ pub struct TensionReport {
     #[serde(deserialize_with = "or_nan")]
     pub log_bayes_factor: f64,
     /// All moduli by the first too large by so much, and the log Bayes factor for that against no such error.
+    #[serde(default)]
     pub factor_percent: f64,
+    #[serde(default)]
     pub factor_log_bayes_factor: f64,
+    #[serde(default)]
     pub contradicts: bool,
 }
 

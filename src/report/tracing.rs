@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::json::{Keyed, or_nan};
+use super::json::{Keyed, nan, or_nan};
 use crate::experiment::series::Law;
 use crate::trace::Interval;
 
@@ -11,16 +11,21 @@ pub struct TracingReport {
     /// Effects weighed, the most probable first.
     pub candidates: Vec<CandidateReport>,
     /// Alias groups of the best subset, the strongest first.
+    #[serde(default)]
     pub groups: Vec<AliasGroupReport>,
     /// The effect that was called for, if one was.
+    #[serde(default)]
     pub accepted: Vec<String>,
     /// Groups that the data speak for without being sure.
+    #[serde(default)]
     pub undecided: Vec<Vec<String>>,
     /// Probability of smooth structure that no effect explains.
-    #[serde(deserialize_with = "or_nan")]
+    #[serde(default = "nan", deserialize_with = "or_nan")]
     pub discrepancy_probability: f64,
     /// The constants averaged over what may act unseen.
+    #[serde(default)]
     pub averaged_posterior: Keyed<Interval>,
+    #[serde(default)]
     pub left_out: Vec<LeftOut>,
 }
 
@@ -37,9 +42,10 @@ pub struct CandidateReport {
     pub log_bayes_factor: f64,
     pub amplitude: Vec<AmplitudeReport>,
     /// Largest amplitude over its prior sd.
-    #[serde(deserialize_with = "or_nan")]
+    #[serde(default = "nan", deserialize_with = "or_nan")]
     pub plausible_multiple: f64,
     /// Whether that is too much.
+    #[serde(default)]
     pub implausible: bool,
     /// Share of the structured part of chi^2 that it explains alone.
     #[serde(deserialize_with = "or_nan")]
@@ -80,6 +86,7 @@ pub struct AliasGroupReport {
     /// Pairs that together could stand in.
     pub pairs: Vec<[String; 2]>,
     /// Effects outside the group that leave almost the same field.
+    #[serde(default)]
     pub resembling: Vec<ResemblingReport>,
     /// Probability that some member acts.
     pub probability: f64,
@@ -135,6 +142,7 @@ pub struct BlindSpotReport {
     /// Shift of each constant, % of its value.
     pub shift_in_percent: Keyed<Option<f64>>,
     /// Constants whose shift is larger than sensitivities can say.
+    #[serde(default)]
     pub beyond_linear: Vec<String>,
     /// Smallest amplitude that these data would show; `null` if none.
     #[serde(deserialize_with = "or_nan")]
