@@ -66,7 +66,7 @@ pub struct Cli {
 }
 
 /// Options of every verb.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Args)]
 struct Global {
     /// Seed of the random numbers; the same seed gives the same bits
     #[arg(long, global = true, default_value_t = 1)]

@@ -15,7 +15,7 @@ pub fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 }
 
 /// Whose fault an error is, which fixes the exit code of the program.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Blame {
     /// The input's: a file, a key, an argument. Exit code 1.
     Input,

@@ -2,7 +2,6 @@
 
 mod kept;
 mod natural;
-pub mod stored;
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -14,10 +13,8 @@ use serde::Deserialize;
 
 use crate::error::{Error, Result};
 
-pub use kept::{KeptStages, STAGES};
+pub use kept::{KeptStages, STAGES, sealed, to_bytes, unsealed};
 pub use natural::natural;
-pub use stored::Stored;
-pub(crate) use stored::stored;
 
 /// A JSON object of entries by name, in their order.
 pub type Keyed<T> = IndexMap<String, T>;

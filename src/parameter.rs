@@ -1,7 +1,7 @@
 //! What a parameter is. Names of parameters, as chain files and reports have them, are made and read here and nowhere else.
 
 /// What a parameter is of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ParameterKind {
     /// An elastic constant.
     Constant,
@@ -22,7 +22,7 @@ pub enum ParameterKind {
 }
 
 /// A parameter, whole: its name is [`Parameter::name`].
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Parameter {
     pub kind: ParameterKind,
     /// The effect whose amplitude it is, or that acts.

@@ -13,52 +13,40 @@ pub const NM_PER_MM: f64 = 1e6;
 /// Microradians in one rad.
 pub const URAD_PER_RAD: f64 = 1e6;
 
-/// A unit of length that a data file may declare.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Length {
-    Metre,
-    Millimetre,
-    Micrometre,
-    Nanometre,
-    Inch,
-}
+/// Units of length by the names that a model file has for them, with their mm and the words of other files, in the singular.
+pub const LENGTHS: [(&str, f64, &[&str]); 5] = [
+    ("m", 1e3, &["m", "metre", "meter"]),
+    ("mm", 1.0, &["mm", "millimetre", "millimeter"]),
+    (
+        "um",
+        1e-3,
+        &[
+            "um",
+            "\u{b5}m",
+            "\u{3bc}m",
+            "micron",
+            "micrometre",
+            "micrometer",
+        ],
+    ),
+    ("nm", 1e-6, &["nm", "nanometre", "nanometer"]),
+    ("in", 25.4, &["in", "inch", "inche"]),
+];
 
-impl Length {
-    /// Names as they are written in files, with the unit each stands for.
-    const NAMES: [(&'static str, Length); 5] = [
-        ("m", Length::Metre),
-        ("mm", Length::Millimetre),
-        ("um", Length::Micrometre),
-        ("nm", Length::Nanometre),
-        ("in", Length::Inch),
-    ];
-
-    /// Parse a declared unit; `place` names the key for the error.
-    pub fn parse(place: &str, name: &str) -> Result<Self> {
-        Self::NAMES
-            .iter()
-            .find(|(known, _)| *known == name)
-            .map(|(_, unit)| *unit)
-            .ok_or_else(|| {
-                let known: Vec<_> = Self::NAMES.iter().map(|(known, _)| *known).collect();
-                Error::input(place, format!("a unit of length: {}", known.join(", "))).found(name)
-            })
-    }
-
-    /// How many mm one of this unit is.
-    pub fn in_mm(self) -> f64 {
-        match self {
-            Length::Metre => 1e3,
-            Length::Millimetre => 1.0,
-            Length::Micrometre => 1e-3,
-            Length::Nanometre => 1e-6,
-            Length::Inch => 25.4,
-        }
-    }
+/// How many mm one of a declared unit of length is; `place` names the key for the error.
+///
+/// # Errors
+/// The input's fault: no such unit.
+pub fn length_in_mm(place: &str, name: &str) -> Result<f64> {
+    let found = LENGTHS.iter().find(|(known, ..)| *known == name);
+    found.map(|(_, mm, _)| *mm).ok_or_else(|| {
+        let known = LENGTHS.map(|(known, ..)| known).join(", ");
+        Error::input(place, format!("a unit of length: {known}")).found(name)
+    })
 }
 
 /// Mean and sd, in the unit of what they are of.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct MeanAndSd {
     pub mean: f64,
     pub sd: f64,

@@ -12,7 +12,7 @@ use crate::error::{Error, Result, locked};
 use crate::sample::{DensityError, LogDensity};
 
 /// How long a server is waited for.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Patience {
     /// For one answer.
     pub answer: Duration,

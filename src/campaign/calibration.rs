@@ -16,7 +16,6 @@ pub struct CalibrationSpec {
     #[serde(default)]
     pub correlation_mm: Vec<f64>,
     /// Points along a side of a simulated field.
-    #[serde(default)]
     pub grid: Option<u16>,
     /// Of the whole loop.
     #[serde(default, rename = "loop")]

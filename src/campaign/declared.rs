@@ -6,31 +6,17 @@ use serde_json::Value;
 
 use super::file::{CampaignFile, RunOptions, RunSpec, Verb};
 use super::pattern;
+use super::plan::Run;
 use crate::error::{Error, Result};
 use crate::experiment::check_name;
 use crate::files::Keyed;
 
-/// A run before anything is read of it.
-#[derive(Debug, Clone)]
-pub struct Declared {
-    pub name: String,
-    pub verb: Verb,
-    pub model: PathBuf,
-    pub data: Option<PathBuf>,
-    pub seed: u64,
-    pub set: Keyed<Value>,
-    /// Arguments of the verb.
-    pub options: Vec<String>,
-    /// Share K of N of a calibration, and the folder that all of them have.
-    pub share: Option<(String, [usize; 2])>,
-}
-
 /// Read a campaign file, and write out its runs in order, with names of their own. Runs that name no seed have
-/// `seed`.
+/// `seed`; what they read is not hashed yet.
 ///
 /// # Errors
 /// The input's fault, with file, line and key.
-pub fn read(path: &Path, seed: u64) -> Result<(String, Vec<Declared>)> {
+pub fn read(path: &Path, seed: u64) -> Result<(String, Vec<Run>)> {
     let file = CampaignFile::load(path)?;
     let place = path.display().to_string();
     let within = |e: Error| e.within(&place);
@@ -70,7 +56,7 @@ fn options(file: &CampaignFile) -> Result<Vec<String>> {
 }
 
 /// Models x data x sweep x seeds.
-fn product(file: &CampaignFile, base: &Path, seed: u64) -> Result<Vec<Declared>> {
+fn product(file: &CampaignFile, base: &Path, seed: u64) -> Result<Vec<Run>> {
     let options = options(file)?;
     if file.models.is_empty() {
         let needless = !(file.data.is_empty() && file.seeds.is_empty() && file.sweep.is_empty());
@@ -107,7 +93,7 @@ fn product(file: &CampaignFile, base: &Path, seed: u64) -> Result<Vec<Declared>>
                     if seeds.len() > 1 {
                         name.push(format!("seed-{seed}"));
                     }
-                    runs.push(Declared {
+                    runs.push(Run {
                         name: name.join("-"),
                         verb: file.verb,
                         model: model.clone(),
@@ -116,6 +102,7 @@ fn product(file: &CampaignFile, base: &Path, seed: u64) -> Result<Vec<Declared>>
                         set: set.clone(),
                         options: options.clone(),
                         share: None,
+                        inputs_sha256: Keyed::new(),
                     });
                 }
             }
@@ -125,13 +112,7 @@ fn product(file: &CampaignFile, base: &Path, seed: u64) -> Result<Vec<Declared>>
 }
 
 /// The `k`-th of the runs that are listed.
-fn listed(
-    file: &CampaignFile,
-    own: &RunSpec,
-    k: usize,
-    base: &Path,
-    seed: u64,
-) -> Result<Declared> {
+fn listed(file: &CampaignFile, own: &RunSpec, k: usize, base: &Path, seed: u64) -> Result<Run> {
     let verb = own.verb.unwrap_or(file.verb);
     let (options, place) = match &own.options {
         Some(options) => (options, format!("runs[{k}].options")),
@@ -150,7 +131,7 @@ fn listed(
         check_name(name, "the run's folder").map_err(|e| e.below(format!("runs[{k}].")))?;
     }
     let model = base.join(&own.model);
-    Ok(Declared {
+    Ok(Run {
         name: name.take().unwrap_or_else(|| stem(&model)),
         verb,
         data: own.data.as_ref().map(|d| base.join(d)),
@@ -158,6 +139,7 @@ fn listed(
         set: own.set.clone(),
         options: options.arguments(),
         share: None,
+        inputs_sha256: Keyed::new(),
         model,
     })
 }
@@ -183,7 +165,7 @@ fn combinations(sweep: &Keyed<Vec<Value>>) -> Result<Vec<Keyed<Value>>> {
 }
 
 /// Runs of one name get numbers; a name that is given may stand once.
-fn distinct(runs: &mut [Declared], file: &CampaignFile) -> Result<()> {
+fn distinct(runs: &mut [Run], file: &CampaignFile) -> Result<()> {
     let given = |name: &str| file.runs.iter().any(|r| r.name.as_deref() == Some(name));
     let mut seen = std::collections::BTreeSet::new();
     for run in runs {
@@ -213,12 +195,12 @@ fn stem(path: &Path) -> String {
 }
 
 /// The shares of calibrations, each a run; those of one have its folder.
-fn shared(runs: Vec<Declared>, n: usize) -> Vec<Declared> {
-    let share = |run: &Declared, k: usize| Declared {
+fn shared(runs: Vec<Run>, n: usize) -> Vec<Run> {
+    let share = |run: &Run, k: usize| Run {
         name: format!("{}-share-{k}", run.name),
         share: Some((run.name.clone(), [k, n])),
         ..run.clone()
     };
-    let shares = |run: &Declared| (1..=n).map(|k| share(run, k)).collect::<Vec<_>>();
+    let shares = |run: &Run| (1..=n).map(|k| share(run, k)).collect::<Vec<_>>();
     runs.iter().flat_map(shares).collect()
 }

@@ -8,7 +8,7 @@ use crate::error::Result;
 use crate::progress::Progress;
 
 /// A campaign that is run: its plan, its folder, and what may be used for it.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Campaign {
     /// The campaign file, absolute.
     pub file: PathBuf,

@@ -4,6 +4,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
+use serde_with::skip_serializing_none;
 
 use super::calibration::CalibrationSpec;
 use crate::error::{Error, Result};
@@ -14,7 +15,7 @@ use crate::files::{Keyed, parse_json};
 pub const SCHEMA: &str = "plychain-campaign/1";
 
 /// What is done to every model.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verb {
     Identify,
@@ -35,13 +36,13 @@ impl Verb {
 }
 
 /// A campaign file. Unknown keys are errors.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CampaignFile {
     pub schema: String,
     /// Names the campaign's folder.
     pub name: String,
-    #[serde(default)]
+
     pub note: Option<String>,
     #[serde(default)]
     pub verb: Verb,
@@ -59,7 +60,6 @@ pub struct CampaignFile {
     #[serde(default)]
     pub options: RunOptions,
     /// Of the verb `calibrate`, and of no other.
-    #[serde(default)]
     pub calibration: Option<CalibrationSpec>,
     /// Runs beside those of models x data x sweep x seeds.
     #[serde(default)]
@@ -67,20 +67,18 @@ pub struct CampaignFile {
 }
 
 /// A run named on its own.
-#[derive(Debug, Clone, Deserialize)]
+#[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunSpec {
-    #[serde(default)]
     pub name: Option<String>,
     pub model: PathBuf,
-    #[serde(default)]
+
     pub data: Option<PathBuf>,
-    #[serde(default)]
+
     pub seed: Option<u64>,
     /// The campaign's where it says nothing.
-    #[serde(default)]
     pub verb: Option<Verb>,
-    #[serde(default)]
+
     pub options: Option<RunOptions>,
     /// Values by key of the model file.
     #[serde(default)]
@@ -88,19 +86,15 @@ pub struct RunSpec {
 }
 
 /// Options of a run, as the command line has them.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[skip_serializing_none]
+#[derive(Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunOptions {
     /// Most effects that a loop adds.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rounds: Option<u8>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sampler: Option<String>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_draws: Option<usize>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub min_ess: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub time_limit_s: Option<f64>,
     #[serde(default)]
     pub full_order: bool,

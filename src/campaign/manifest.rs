@@ -12,7 +12,7 @@ use crate::files::{self, Keyed};
 pub const SCHEMA: &str = "plychain-campaign-manifest/1";
 
 /// `manifest.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct CampaignManifest {
     pub schema: String,
     pub name: String,
@@ -24,7 +24,7 @@ pub struct CampaignManifest {
 }
 
 /// A run in the manifest.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct ManifestEntry {
     #[serde(flatten)]
     pub run: Run,

@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use serde_with::skip_serializing_none;
 
-use super::declared::{Declared, read};
+use super::declared::read;
 use super::file::Verb;
 use super::sweep;
 use crate::error::{Error, Result};
@@ -27,6 +28,7 @@ pub struct Plan {
 }
 
 /// One run.
+#[skip_serializing_none]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// Names its folder, unless it is a share of something.
@@ -34,7 +36,6 @@ pub struct Run {
     pub verb: Verb,
     /// The model file that it reads: one in the campaign's folder where keys were set.
     pub model: PathBuf,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub data: Option<PathBuf>,
     pub seed: u64,
     /// Keys that were set in the model file.
@@ -43,7 +44,6 @@ pub struct Run {
     /// Options of the verb.
     pub options: Vec<String>,
     /// Share K of N of a calibration, and the name of the folder that all shares have.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub share: Option<(String, [usize; 2])>,
     /// SHA-256 of every file that it reads.
     pub inputs_sha256: Keyed<String>,
@@ -113,7 +113,7 @@ impl Plan {
     pub fn make(file: &Path, folder: &Path, seed: u64) -> Result<Self> {
         let (name, declared) = read(file, seed)?;
         let mut known = BTreeMap::new();
-        let plan = |run: Declared| {
+        let plan = |run: Run| {
             let about = format!("{}: run {}", file.display(), run.name);
             planned(run, folder, &mut known).map_err(|e| e.within(about))
         };
@@ -177,39 +177,31 @@ impl Plan {
 /// Hashes by model and data, so that a model of many seeds is read once.
 type KnownSettings = BTreeMap<(PathBuf, Option<PathBuf>), Keyed<String>>;
 
-fn planned(run: Declared, folder: &Path, known: &mut KnownSettings) -> Result<Run> {
-    let mut model = absolute(&run.model)?;
+/// The run with absolute paths and the hashes of what it reads; a model with keys set is written into `folder`.
+fn planned(mut run: Run, folder: &Path, known: &mut KnownSettings) -> Result<Run> {
+    run.model = absolute(&run.model)?;
     if !run.set.is_empty() {
-        let changed = sweep::changed(&model, &run.set)?;
+        let changed = sweep::changed(&run.model, &run.set)?;
         let models = folder.join("models");
-        model = models.join(format!("{}.json", run.name));
+        run.model = models.join(format!("{}.json", run.name));
         files::make_folder(&models)?;
-        files::write_json(&model, &changed)?;
+        files::write_json(&run.model, &changed)?;
     }
-    let data = run.data.as_deref().map(absolute).transpose()?;
-    let inputs_sha256 = match known.get(&(model.clone(), data.clone())) {
+    run.data = run.data.as_deref().map(absolute).transpose()?;
+    let settings = (run.model.clone(), run.data.clone());
+    run.inputs_sha256 = match known.get(&settings) {
         Some(inputs) => inputs.clone(),
         None => {
-            let inputs = inputs(model.clone(), data.as_ref())?;
-            known.insert((model.clone(), data.clone()), inputs.clone());
+            let inputs = inputs(&run.model, run.data.as_ref())?;
+            known.insert(settings, inputs.clone());
             inputs
         }
     };
-    Ok(Run {
-        name: run.name,
-        verb: run.verb,
-        options: run.options,
-        share: run.share,
-        seed: run.seed,
-        set: run.set,
-        inputs_sha256,
-        model,
-        data,
-    })
+    Ok(run)
 }
 
 /// SHA-256 of a model file and of the data that it is run with, all checked as far as they are before a run.
-fn inputs(path: PathBuf, data: Option<&PathBuf>) -> Result<Keyed<String>> {
-    let files = Study::load_with(&path, data)?.files()?;
-    hashes(std::iter::once(&path).chain(&files))
+fn inputs(path: &PathBuf, data: Option<&PathBuf>) -> Result<Keyed<String>> {
+    let files = Study::load_with(path, data)?.files()?;
+    hashes(std::iter::once(path).chain(&files))
 }

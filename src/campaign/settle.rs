@@ -13,7 +13,7 @@ use crate::files::{absolute, make_folder};
 const FOLDERS: [&str; 3] = ["runs", "status", "log"];
 
 /// How a campaign is asked for.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Asked {
     pub file: PathBuf,
     /// Its folder.

@@ -1,5 +1,5 @@
 //! Runs on a cluster: one job array of Slurm, a share of the runs a task. What is queued is asked of `squeue`, which knows it with and
-//! without accounting; what became of a run is in the run's own files. `sacct`, where accounting is on, adds how tasks ended.
+//! without accounting; what became of a run is in the run's own files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
@@ -21,9 +21,6 @@ pub struct Slurm;
 
 /// Seconds before a task's time is over at which it is told to stop, for what runs flush then.
 const NOTICE_S: u32 = 60;
-
-/// A shorter time leaves a task none of its own.
-const SHORTEST_S: u64 = 3 * NOTICE_S as u64;
 
 /// Between two looks at the queue, and how often in a row it may give no answer: a controller that is restarted is waited for.
 const PATIENCE: Duration = Duration::from_secs(2);
@@ -51,21 +48,21 @@ impl Engine for Slurm {
         progress.begin(&submitted(campaign)?, None);
         progress.end();
         let wait = campaign.resources.cluster.wait;
-        let held = match wait {
-            true => watch(campaign, progress)?,
-            false => None,
+        let hint = match wait && watch(campaign, progress)? {
+            true => RELEASE,
+            false => {
+                "the same command with --resume submits them again; sacct says how tasks ended"
+            }
         };
         let manifest = manifest::write(campaign)?;
         let left = manifest.count(RunState::ToBeResumed) + manifest.count(RunState::Waiting);
         if !wait || left == 0 {
             return Ok(());
         }
-        let what = format!("{left} to be resumed{}", ends(campaign));
-        let again = || "the same command with --resume submits them again".into();
         Err(
             Error::stopped(campaign.places.0.display(), "runs that come to their end")
-                .found(what)
-                .hint(held.unwrap_or_else(again)),
+                .found(format!("{left} to be resumed"))
+                .hint(hint),
         )
     }
 }
@@ -99,31 +96,9 @@ fn name(places: &CampaignPlaces, campaign: &str) -> String {
 /// Of the input: a scheduler that does not answer.
 pub fn in_queue(places: &CampaignPlaces, campaign: &str) -> Result<Option<usize>> {
     match places.0.join("slurm").is_dir() {
-        true => queued(&name(places, campaign)).map(|queue| Some(queue.0.len())),
+        true => queued(&name(places, campaign)).map(|queue| Some(queue.len())),
         false => Ok(None),
     }
-}
-
-/// The seconds of a time in one of Slurm's forms: minutes, minutes:seconds, hours:minutes:seconds, days-hours[:minutes[:seconds]]. None of
-/// other words.
-fn seconds(time: &str) -> Option<u64> {
-    let (days, rest) = match time.split_once('-') {
-        Some((days, rest)) => (Some(days.trim().parse::<u64>().ok()?), rest),
-        None => (None, time),
-    };
-    let parts = rest.split(':').map(|p| p.trim().parse().ok());
-    let parts = parts.collect::<Option<Vec<u64>>>()?;
-    let [hours, minutes, seconds] = match (days.is_some(), &parts[..]) {
-        (false, &[m]) => [0, m, 0],
-        (false, &[m, s]) => [0, m, s],
-        (true, &[h]) => [h, 0, 0],
-        (true, &[h, m]) => [h, m, 0],
-        (_, &[h, m, s]) => [h, m, s],
-        _ => return None,
-    };
-    let hours = days.unwrap_or(0).checked_mul(24)?.checked_add(hours)?;
-    let minutes = hours.checked_mul(60)?.checked_add(minutes)?;
-    minutes.checked_mul(60)?.checked_add(seconds)
 }
 
 /// The job script of some tasks.
@@ -148,13 +123,6 @@ fn script(campaign: &Campaign, tasks: &BTreeSet<usize>) -> Result<String> {
         option("mem", &format!("{mib}M"));
     }
     if let Some(time) = &resources.cluster.time {
-        if let Some(short) = seconds(time).filter(|s| (1..SHORTEST_S).contains(s)) {
-            return Err(Error::input("--time", format!("at least {SHORTEST_S} s a task"))
-                .found(format!("{time}, which is {short} s to Slurm"))
-                .hint(format!(
-                    "a task is told to stop {NOTICE_S} s before its time is over, and Slurm may be a minute early: it would get nowhere. Give --time HH:MM:SS"
-                )));
-        }
         option("time", time);
     }
     option("signal", &format!("B:TERM@{NOTICE_S}"));
@@ -195,13 +163,16 @@ fn submitted(campaign: &Campaign) -> Result<String> {
     let queued = queued(&name(&campaign.places, &campaign.plan.name))?;
     let missing: BTreeSet<usize> = tasks(campaign)
         .into_iter()
-        .filter(|k| !queued.0.contains_key(k) && is_missing(campaign, *k))
+        .filter(|k| !queued.contains_key(k) && is_missing(campaign, *k))
         .collect();
     if missing.is_empty() {
-        let held = queued.held().map_or_else(String::new, |h| format!("; {h}"));
+        let held = match queued.values().any(|held| *held) {
+            true => format!("; {RELEASE}"),
+            false => String::new(),
+        };
         return Ok(format!(
             "nothing to submit, {} tasks queued{held}",
-            queued.0.len()
+            queued.len()
         ));
     }
     let job = submit(campaign, &missing)?;
@@ -271,28 +242,11 @@ const REMEDIES: [(&str, &str); 7] = [
 /// Parts of the reasons for which a task waits until somebody does something about it.
 const HELD: [&str; 2] = ["held", "neversatisfied"];
 
-/// Tasks of the campaign's jobs that wait or run, by number; of those that Slurm holds back until somebody releases them, why.
-#[derive(Default)]
-struct Queue(BTreeMap<usize, Option<String>>);
+/// What to do about tasks that are held back.
+const RELEASE: &str = "tasks are held by Slurm: find them with squeue --me, and let them run with scontrol release JOB, or scancel JOB and give the same command with --resume";
 
-impl Queue {
-    /// Whether there are tasks, and none that would run.
-    fn is_held(&self) -> bool {
-        !self.0.is_empty() && self.0.values().all(Option::is_some)
-    }
-
-    /// What is said of tasks that are held back.
-    fn held(&self) -> Option<String> {
-        let reason = self.0.values().flatten().next()?;
-        let count = self.0.values().flatten().count();
-        Some(format!(
-            "{count} tasks are held by Slurm ({reason}): find them with squeue --me, and let them run with scontrol release JOB, or scancel JOB and give the same command with --resume"
-        ))
-    }
-}
-
-/// Tasks that are queued.
-fn queued(name: &str) -> Result<Queue> {
+/// Numbers of the campaign's tasks that wait or run, and whether Slurm holds them back until somebody releases them.
+fn queued(name: &str) -> Result<BTreeMap<usize, bool>> {
     let said = answer(
         "squeue",
         &[
@@ -306,46 +260,24 @@ fn queued(name: &str) -> Result<Queue> {
     )?;
     // a banner's lines are no tasks
     let task = |line: &str| {
-        let mut words = line.trim().splitn(3, ' ');
-        let (task, state) = (words.next()?, words.next()?);
-        let reason = words.next().unwrap_or_default().trim();
+        let (task, state) = line.trim().split_once(' ')?;
+        let (state, reason) = state.split_once(' ').unwrap_or((state, ""));
         let is_state = |b: u8| b.is_ascii_uppercase() || b == b'_';
         let task = task.parse().ok().filter(|_| state.bytes().all(is_state))?;
         let is_held = HELD.iter().any(|h| reason.to_lowercase().contains(h));
-        Some((task, is_held.then(|| reason.to_string())))
+        Some((task, is_held))
     };
-    Ok(Queue(said.lines().filter_map(task).collect()))
+    Ok(said.lines().filter_map(task).collect())
 }
 
-/// How tasks ended that did not end well, as far as accounting knows.
-fn ends(campaign: &Campaign) -> String {
-    let name = format!("--name={}", name(&campaign.places, &campaign.plan.name));
-    let wanted = [
-        "--noheader",
-        "--parsable2",
-        "--allocations",
-        "--format=JobID,State",
-        &name,
-    ];
-    let said = answer("sacct", &wanted).unwrap_or_default();
-    let well = ["COMPLETED", "RUNNING", "PENDING"];
-    let ended = |line: &str| {
-        let (job, state) = line.split_once('|')?;
-        let ill = !state.is_empty() && !well.contains(&state);
-        ill.then(|| format!("; task {job} {state}"))
-    };
-    said.lines().filter_map(ended).collect()
-}
-
-/// Look at the runs until none of the campaign's tasks is queued, or those that are would never run; what is said then.
-fn watch(campaign: &Campaign, progress: &dyn Progress) -> Result<Option<String>> {
+/// Look at the runs until none of the campaign's tasks is queued that would run; whether some are held back.
+fn watch(campaign: &Campaign, progress: &dyn Progress) -> Result<bool> {
     let all = campaign.plan.runs.len();
     progress.begin("runs", Some(all as u64));
     let mut stepped = 0;
     let mut silences = 0;
-    let mut held = None;
     let name = name(&campaign.places, &campaign.plan.name);
-    loop {
+    let is_held = loop {
         let queue = queued(&name);
         let manifest = manifest::write(campaign)?;
         let done = manifest.count(RunState::Done) + manifest.count(RunState::Failed);
@@ -354,19 +286,15 @@ fn watch(campaign: &Campaign, progress: &dyn Progress) -> Result<Option<String>>
         }
         stepped = stepped.max(done);
         match queue {
-            Ok(queue) if queue.0.is_empty() => break,
-            Ok(queue) if queue.is_held() => {
-                held = queue.held();
-                break;
-            }
+            Ok(queue) if queue.values().all(|held| *held) => break !queue.is_empty(),
             Ok(_) => silences = 0,
             Err(e) if silences >= SILENCES => return Err(e),
             Err(_) => silences += 1,
         }
         std::thread::sleep(PATIENCE);
-    }
+    };
     progress.end();
-    Ok(held)
+    Ok(is_held)
 }
 
 /// What a command of Slurm prints.

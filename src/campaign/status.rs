@@ -12,7 +12,7 @@ use crate::files::{self, unwritable};
 use crate::report::manifest::Manifest;
 
 /// How far a run is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum RunState {
     Waiting,
@@ -43,11 +43,11 @@ impl RunState {
 }
 
 /// What is noted of a run when it begins and when it ends, `status/NAME.json`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct RunStatus {
     pub state: RunState,
     /// Why it failed, or was not brought to its end.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub cause: Option<String>,
     /// How often it was begun or gone on with.
     pub attempts: usize,
@@ -70,7 +70,7 @@ impl Default for RunStatus {
 }
 
 /// Places in a campaign's folder.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct CampaignPlaces(pub PathBuf);
 
 impl CampaignPlaces {

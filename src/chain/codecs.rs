@@ -9,7 +9,7 @@ use serde_json::Value;
 type CodecResult<T> = std::result::Result<T, String>;
 
 /// A number as an array has it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct NumberKind {
     /// `f`, `i`, `u` or `b`, as NumPy has it.
     letter: char,
@@ -83,7 +83,7 @@ impl NumberKind {
 }
 
 /// A step of decoding.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 enum Filter {
     Gzip,
     Zlib,
@@ -94,7 +94,7 @@ enum Filter {
 }
 
 /// Steps of decoding, in their order.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug)]
 pub(super) struct Filters {
     steps: Vec<Filter>,
     is_big_endian: bool,

@@ -20,7 +20,7 @@ pub(super) fn is_draw(at: usize, name: &str) -> bool {
 }
 
 /// What a sampler's column holds.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum ColumnRole {
     LogDensity,
     Divergent,

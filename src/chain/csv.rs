@@ -3,7 +3,7 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Cursor, Read, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::columns::{ColumnRole, is_draw, role};
 use super::draws::{Chains, Draws};
@@ -28,13 +28,13 @@ pub fn write_csv(chains: &dyn Chains, path: &Path) -> Result<()> {
 }
 
 /// Why chains were not written.
-pub(super) enum Failed {
+enum Failed {
     Reading(Error),
     Writing(std::io::Error),
 }
 
 /// Write a file of chains that are read on the way. Half of it never stays.
-pub(super) fn write_chains(
+fn write_chains(
     path: &Path,
     write: impl FnOnce(&mut dyn Write) -> std::result::Result<(), Failed>,
 ) -> Result<()> {
@@ -55,22 +55,31 @@ pub(super) fn write_chains(
 /// # Errors
 /// The input's fault (with the path) if a file cannot be written.
 pub fn write_stan(chains: &dyn Chains, stem: &Path) -> Result<()> {
-    files::together(|written| {
-        for (number, members) in chains.groups().into_iter().enumerate() {
-            let mut path = stem.as_os_str().to_owned();
-            path.push(format!("_{}.csv", number + 1));
-            write_chains(Path::new(&path), |out| {
-                header(chains.names(), number, out).map_err(Failed::Writing)?;
-                for chain in members {
-                    let draws = chains.chain(chain).map_err(Failed::Reading)?;
-                    write_chain(&draws, out).map_err(Failed::Writing)?;
-                }
-                Ok(())
-            })?;
-            written.push(path.into());
-        }
-        Ok(())
-    })
+    let header = |number: usize, out: &mut dyn Write| header(chains.names(), number, out);
+    files::together(|written| write_ensembles((chains, stem, "csv"), header, write_chain, written))
+}
+
+/// Writes a file `STEM_1.ENDING`, `STEM_2.ENDING`, ... of each ensemble, its walkers one after the other.
+pub(super) fn write_ensembles(
+    (chains, stem, ending): (&dyn Chains, &Path, &str),
+    header: impl Fn(usize, &mut dyn Write) -> std::io::Result<()>,
+    write_chain: impl Fn(&Draws, &mut dyn Write) -> std::io::Result<()>,
+    written: &mut Vec<PathBuf>,
+) -> Result<()> {
+    for (number, members) in chains.groups().into_iter().enumerate() {
+        let mut path = stem.as_os_str().to_owned();
+        path.push(format!("_{}.{ending}", number + 1));
+        write_chains(Path::new(&path), |out| {
+            header(number, out).map_err(Failed::Writing)?;
+            for chain in members {
+                let draws = chains.chain(chain).map_err(Failed::Reading)?;
+                write_chain(&draws, out).map_err(Failed::Writing)?;
+            }
+            Ok(())
+        })?;
+        written.push(path.into());
+    }
+    Ok(())
 }
 
 fn header(names: &[String], number: usize, out: &mut dyn Write) -> std::io::Result<()> {

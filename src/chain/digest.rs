@@ -1,7 +1,7 @@
 //! Running digests of the arrays of a store.
 
 /// A running digest that notices damage; no protection against malice.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Digest(pub u64);
 
 impl Digest {

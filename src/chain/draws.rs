@@ -1,11 +1,12 @@
 //! The draws of a run, with axes chain, draw, parameter: a chain is one walker (or one adaptive chain), so that
 //! autocorrelation is never computed across interleaved walkers.
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
-use crate::files::stored;
 
 /// Proposals and acceptances of one move over a run.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MoveTally {
     /// Name of the move (`stretch`, `de`, ...).
     pub name: String,
@@ -15,14 +16,8 @@ pub struct MoveTally {
     pub accepted: u64,
 }
 
-stored!(MoveTally {
-    name,
-    proposed,
-    accepted
-});
-
 /// What is worth knowing of how draws came about; no later step needs it.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Info {
     /// Steps from one stored draw to the next.
     pub thin: usize,
@@ -42,19 +37,8 @@ pub struct Info {
     pub remarks: Vec<String>,
 }
 
-stored!(Info {
-    thin,
-    warmup,
-    acceptance,
-    moves,
-    nan,
-    evaluations,
-    columns,
-    remarks
-});
-
 /// One scalar over a run, chain by chain.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct ScalarDraws {
     /// Values, chain by chain: `values[chain * draws + draw]`.
     pub values: Vec<f64>,
@@ -158,7 +142,7 @@ impl Chains for Draws {
 }
 
 /// Draws of a run: values `[chain][draw][parameter]` and the log density `[chain][draw]`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Draws {
     names: Vec<String>,
     ensemble: Vec<usize>,
@@ -168,15 +152,6 @@ pub struct Draws {
     /// How the draws came about.
     pub info: Info,
 }
-
-stored!(Draws {
-    names,
-    ensemble,
-    draws,
-    values,
-    lp,
-    info
-});
 
 impl Draws {
     /// Draws from their parts: `names` of the parameters, `ensemble` of each chain, `values` of shape chain x draw x

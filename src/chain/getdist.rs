@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 
-use super::csv::{Failed, write_chains};
+use super::csv::write_ensembles;
 use super::draws::{Chains, Draws};
 use crate::error::{Error, Result};
 use crate::files;
@@ -36,17 +36,7 @@ pub fn write_getdist(chains: &dyn Chains, root: &Path) -> Result<()> {
         let _ = writeln!(ranges, "{plain} {low} N");
     }
     files::together(|written| {
-        for (k, members) in chains.groups().into_iter().enumerate() {
-            let path = beside(root, &format!("_{}.txt", k + 1));
-            write_chains(&path, |out| {
-                for chain in members {
-                    let draws = chains.chain(chain).map_err(Failed::Reading)?;
-                    write_chain(&draws, out).map_err(Failed::Writing)?;
-                }
-                Ok(())
-            })?;
-            written.push(path);
-        }
+        write_ensembles((chains, root, "txt"), |_, _| Ok(()), write_chain, written)?;
         for (ending, text) in [(".paramnames", names), (".ranges", ranges)] {
             let path = beside(root, ending);
             files::replace(&path, text)?;

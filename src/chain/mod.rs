@@ -18,7 +18,6 @@ mod npz;
 mod reader;
 mod stan;
 mod store;
-mod table;
 mod zarr;
 
 #[cfg(feature = "identify")]
@@ -33,4 +32,3 @@ pub use npy::read_npy;
 pub use npz::{read_npz, write_npz};
 pub use reader::{StoreReader, TakeChunk, check_stores, read as read_zarr};
 pub use store::{Layout, Replay, Store, write_zarr};
-pub use table::write_table;

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::digest::Digest;
 use super::draws::{Chains, Draws, groups};
-use super::zarr::{self, Codec, FORMAT, arrays, most_of_a_chunk};
+use super::zarr::{self, FORMAT, arrays, most_of_a_chunk};
 use crate::error::{Error, Result};
 
 /// Takes the first draw of a chunk, its number of draws, and its arrays (the parameters, then the log density; each
@@ -19,14 +19,13 @@ pub type TakeChunk<'a> = &'a mut dyn FnMut(usize, usize, &[Vec<f64>]) -> Result<
 const HELD: usize = 1 << 22;
 
 /// A store opened for reading.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct StoreReader {
     path: PathBuf,
     names: Vec<String>,
     ensemble: Vec<usize>,
     draws: usize,
     chunk: usize,
-    codec: Codec,
     /// Digests of the arrays as they were written, where the store has them.
     digests: Vec<Digest>,
     /// Whether all draws were found to be those of the digests.
@@ -80,16 +79,14 @@ impl StoreReader {
             .found(&attributes["digests"])
             .hint("the chain store is damaged")
         })?;
-        let codec = Codec::of(lp);
-        let ensemble = zarr::read_chunk(&path.join("posterior/ensemble/c/0"), codec, chains)?;
+        let ensemble = zarr::read_chunk(&path.join("posterior/ensemble/c/0"), chains)?;
         let reader = Self {
             path: path.to_path_buf(),
             names,
             ensemble: ensemble.iter().map(|v| v.to_bits() as usize).collect(),
             draws,
             chunk,
-            codec,
-            checked: Cell::new(digests.is_empty()),
+            checked: Cell::new(false),
             digests,
             held: RefCell::default(),
         };
@@ -172,11 +169,6 @@ impl StoreReader {
         self.draws
     }
 
-    /// How the chunks are written.
-    pub(super) fn codec(&self) -> Codec {
-        self.codec
-    }
-
     /// Draws of each chain in a chunk.
     pub fn chunk(&self) -> usize {
         self.chunk
@@ -192,7 +184,7 @@ impl StoreReader {
         for index in 0..self.draws.div_ceil(self.chunk) {
             let read = |array: &PathBuf| {
                 let size = self.ensemble.len() * self.chunk;
-                zarr::read_chunk(&array.join(format!("c/0/{index}")), self.codec, size)
+                zarr::read_chunk(&array.join(format!("c/0/{index}")), size)
             };
             let arrays = places.iter().map(read).collect::<Result<Vec<_>>>()?;
             let first = index * self.chunk;
@@ -286,11 +278,8 @@ impl StoreReader {
     }
 }
 
-/// The digests of a store's arrays: of a store of an earlier version none at all; or nothing where some are missing.
+/// The digests of a store's arrays; nothing where some are missing.
 fn digests(written: &serde_json::Value, names: &[String]) -> Option<Vec<Digest>> {
-    if written.is_null() {
-        return Some(Vec::new());
-    }
     let of = |array: String| u64::from_str_radix(written[array].as_str()?, 16).ok();
     arrays(names).map(|array| of(array).map(Digest)).collect()
 }

@@ -12,11 +12,11 @@ use serde_json::{Value, json};
 use super::digest::Digest;
 use super::draws::Draws;
 use super::reader::StoreReader;
-use super::zarr::{self, ArrayKind, CHUNK, Codec, FORMAT, arrays};
+use super::zarr::{self, ArrayKind, CHUNK, FORMAT, arrays};
 use crate::error::{Error, Result};
 
 /// What the draws of a run are called.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Layout {
     /// Names of the parameters.
     pub names: Vec<String>,
@@ -94,7 +94,6 @@ pub struct Store {
     digests: Vec<Digest>,
     acceptance: Vec<f64>,
     attributes: Value,
-    codec: Codec,
 }
 
 impl Store {
@@ -129,7 +128,6 @@ impl Store {
             digests: vec![Digest::default(); arrays],
             acceptance: Vec::new(),
             attributes,
-            codec: Codec::Gzip,
             layout,
         }
     }
@@ -149,7 +147,6 @@ impl Store {
         let reader = StoreReader::open(path)?.first(draws)?;
         let chunk = layout.chunk();
         let mut store = Self::empty(path, (layout, chunk), attributes);
-        store.codec = reader.codec();
         let damaged = |found: String| {
             Error::input(path.display(), "the draws that the checkpoint tells of")
                 .found(found)
@@ -251,7 +248,7 @@ impl Store {
 
     /// Writes one chunk's file.
     fn replace(&self, path: &str, bytes: Vec<u8>) -> Result<()> {
-        zarr::replace(&self.path.join(path), &self.codec.encode(bytes))
+        zarr::replace(&self.path.join(path), &zarr::packed(&bytes))
     }
 
     fn write_chunk(&mut self, index: usize) -> Result<()> {
@@ -328,7 +325,7 @@ impl Store {
     /// Every group and array with its metadata.
     fn nodes(&self) -> Vec<(String, Value)> {
         let (chains, draws, chunk) = (self.layout.chains(), self.draws, self.chunk);
-        let [float, integer] = [ArrayKind::Float, ArrayKind::Integer].map(|k| (k, self.codec));
+        let [float, integer] = [ArrayKind::Float, ArrayKind::Integer];
         let both =
             |shape: [usize; 2]| zarr::array(float, &shape, &[chains, chunk], &["chain", "draw"]);
         let mut nodes = Vec::new();

@@ -30,76 +30,35 @@ pub(super) fn arrays(names: &[String]) -> impl Iterator<Item = String> {
 }
 
 /// Type of an array's elements.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub(super) enum ArrayKind {
     Float,
     Integer,
 }
 
-/// How the chunks of an array are written.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Codec {
-    /// As they are: small tables, and the stores of earlier versions.
-    Raw,
-    Gzip,
-}
-
-/// A higher level takes three times as long and saves 3 % of chains.
+/// The level of gzip by which chunks are packed: a higher one takes three times as long and saves 3 % of chains.
 const LEVEL: u32 = 1;
 
-impl Codec {
-    fn metadata(self) -> Value {
-        let bytes = json!({ "name": "bytes", "configuration": { "endian": "little" } });
-        match self {
-            Self::Raw => json!([bytes]),
-            Self::Gzip => {
-                json!([bytes, { "name": "gzip", "configuration": { "level": LEVEL } }])
-            }
-        }
-    }
+/// The bytes of a chunk's file.
+pub(super) fn packed(bytes: &[u8]) -> Vec<u8> {
+    let mut encoder = GzEncoder::new(Vec::new(), Compression::new(LEVEL));
+    // writing to a vector cannot fail
+    let _ = encoder.write_all(bytes);
+    encoder.finish().unwrap_or_default()
+}
 
-    /// The codec of an array's metadata.
-    pub(super) fn of(array: &Value) -> Self {
-        let second = &array["codecs"][1]["name"];
-        if second == "gzip" {
-            Self::Gzip
-        } else {
-            Self::Raw
-        }
+/// A chunk of `count` floats from the bytes of its file.
+fn unpacked(bytes: &[u8], count: usize) -> std::io::Result<Vec<f64>> {
+    let size = count.saturating_mul(8);
+    let mut whole = Vec::new();
+    let mut decoder = GzDecoder::new(bytes).take((size as u64).saturating_add(1));
+    decoder.read_to_end(&mut whole)?;
+    if whole.len() != size {
+        let found = format!("{} bytes", whole.len());
+        return Err(std::io::Error::other(found));
     }
-
-    /// The bytes of a chunk's file.
-    pub(super) fn encode(self, bytes: Vec<u8>) -> Vec<u8> {
-        match self {
-            Self::Raw => bytes,
-            Self::Gzip => {
-                let mut encoder = GzEncoder::new(Vec::new(), Compression::new(LEVEL));
-                // writing to a vector cannot fail
-                let _ = encoder.write_all(&bytes);
-                encoder.finish().unwrap_or_default()
-            }
-        }
-    }
-
-    /// A chunk of `count` floats from the bytes of its file.
-    fn decode(self, bytes: Vec<u8>, count: usize) -> std::io::Result<Vec<f64>> {
-        let size = count.saturating_mul(8);
-        let bytes = match self {
-            Self::Raw => bytes,
-            Self::Gzip => {
-                let mut whole = Vec::new();
-                let mut decoder = GzDecoder::new(&bytes[..]).take((size as u64).saturating_add(1));
-                decoder.read_to_end(&mut whole)?;
-                whole
-            }
-        };
-        if bytes.len() != size {
-            let found = format!("{} bytes", bytes.len());
-            return Err(std::io::Error::other(found));
-        }
-        let (words, _) = bytes.as_chunks::<8>();
-        Ok(words.iter().map(|w| f64::from_le_bytes(*w)).collect())
-    }
+    let (words, _) = whole.as_chunks::<8>();
+    Ok(words.iter().map(|w| f64::from_le_bytes(*w)).collect())
 }
 
 /// Metadata of a group.
@@ -109,7 +68,7 @@ pub(super) fn group(attributes: &Value) -> Value {
 
 /// Metadata of an array of named dimensions.
 pub(super) fn array(
-    (kind, codec): (ArrayKind, Codec),
+    kind: ArrayKind,
     shape: &[usize],
     chunk: &[usize],
     dimensions: &[&str],
@@ -124,7 +83,10 @@ pub(super) fn array(
         "chunk_grid": { "name": "regular", "configuration": { "chunk_shape": chunk } },
         "chunk_key_encoding": { "name": "default", "configuration": { "separator": "/" } },
         "fill_value": fill,
-        "codecs": codec.metadata(),
+        "codecs": [
+            { "name": "bytes", "configuration": { "endian": "little" } },
+            { "name": "gzip", "configuration": { "level": LEVEL } },
+        ],
         "attributes": {}, "dimension_names": dimensions,
     })
 }
@@ -163,10 +125,10 @@ pub(super) fn read_metadata(node: &Path) -> Result<Value> {
 }
 
 /// Reads a chunk of `count` floats.
-pub(super) fn read_chunk(path: &Path, codec: Codec, count: usize) -> Result<Vec<f64>> {
+pub(super) fn read_chunk(path: &Path, count: usize) -> Result<Vec<f64>> {
     let bytes = std::fs::read(path)
         .map_err(|e| Error::input(path.display(), "a chunk of the chain store").found(e))?;
-    codec.decode(bytes, count).map_err(|e| {
+    unpacked(&bytes, count).map_err(|e| {
         Error::input(path.display(), format!("{count} numbers of 8 bytes"))
             .found(e)
             .hint("the chain store is damaged")

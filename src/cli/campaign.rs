@@ -38,7 +38,7 @@ pub struct CampaignArguments {
 
 #[derive(Debug, Subcommand)]
 enum What {
-    /// Write one table of all runs: collected.csv, collected.zarr, collected.html
+    /// Write one table of all runs: collected.csv, collected.html
     Collect(CollectArguments),
     /// Print the state of each run, and what to do next
     Status(CollectArguments),
@@ -302,7 +302,7 @@ fn collected(arguments: &CollectArguments) -> Result<()> {
         return calibrations(&collected, &places);
     }
     results(&collected.numbers())?;
-    let [csv, zarr, html] = write(&collected, &arguments.folder)?;
+    let [csv, html] = write(&collected, &arguments.folder)?;
     text += &terminal(&[priors_section(&collected)]);
     for row in collected.rows.iter().filter(|r| !r.warnings.is_empty()) {
         let (name, count) = (&row.entry.run.name, row.warnings.len());
@@ -312,11 +312,6 @@ fn collected(arguments: &CollectArguments) -> Result<()> {
             _ => format!(" ({} more in collected.csv)\n", count - 1),
         };
     }
-    text += &format!(
-        "written to {}, {} and {}\n",
-        csv.display(),
-        zarr.display(),
-        html.display()
-    );
+    text += &format!("written to {} and {}\n", csv.display(), html.display());
     print(&text)
 }

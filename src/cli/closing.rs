@@ -34,17 +34,13 @@ pub struct LoopArguments {
     /// Maximum number of attempts to add an effect, 0 to 20
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u8).range(0..=20))]
     rounds: u8,
-    /// Write the draws as tables too: chain.csv beside each chain.zarr
-    #[arg(long)]
-    csv: bool,
     /// Print the time of each stage, seconds: elapsed, and of all processors
     #[arg(long)]
     timings: bool,
 }
 
 pub fn close(arguments: &LoopArguments, global: &Global, console: &Console) -> Result<()> {
-    let mut run = arguments.running.plan(global)?;
-    run.tables = arguments.csv;
+    let run = arguments.running.plan(global)?;
     let closed = close_all(run, usize::from(arguments.rounds), console);
     if arguments.timings {
         let table = sections_of::timings(&console.costs());

@@ -279,7 +279,7 @@ fn getdist_root(path: &Path) -> Option<PathBuf> {
 }
 
 /// Formats of `export`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum Format {
     /// One CSV file a chain, as Stan writes them
     StanCsv,

@@ -8,7 +8,7 @@ use super::console::Console;
 use super::folder::{AVERAGED, Folder};
 use super::running::RunPlan;
 use super::{print, results};
-use crate::chain::{Draws, write_csv, write_zarr};
+use crate::chain::write_zarr;
 use crate::error::Result;
 use crate::field::level::WORTH_A_WORD_DEG;
 use crate::files;
@@ -85,13 +85,9 @@ pub fn write_closed(
     whole: &dyn Fn(&Model) -> Result<Value>,
     (closed, together): (&Closed, Option<TogetherReport>),
 ) -> Result<Page> {
-    let table = |draws: &Draws, place: &Path| match run.tables {
-        true => write_csv(draws, &place.join("chain.csv")),
-        false => Ok(()),
-    };
     for round in &closed.rounds {
         let place = stage_folder(folder, LoopStage::Attempt(round.attempt));
-        table(&round.identification.draws, &place)?;
+        run.table(&round.identification.draws, &place)?;
         files::write_json(&place.join("model.json"), &whole(&round.model)?)?;
     }
     if let ToQuote::Sampled(sampled) = &closed.to_quote {
@@ -100,7 +96,7 @@ pub fn write_closed(
         files::replace_folder(&place.join("chain.zarr"), |store| {
             write_zarr(&sampled.draws, store)
         })?;
-        table(&sampled.draws, &place)?;
+        run.table(&sampled.draws, &place)?;
     }
     let last = &closed.rounds[closed.rounds.len() - 1];
     files::write_json(&folder.join("model.extended.json"), &whole(&last.model)?)?;
@@ -122,9 +118,6 @@ pub fn write_identified(
     folder: &Folder,
     seed: u64,
 ) -> Result<Page> {
-    if let Some(round) = rounds.last() {
-        write_csv(&round.draws, &folder.path().join("chain.csv"))?;
-    }
     folder.write_json("model.json", &model.resolved()?)?;
     let report = gather::identified(model, rounds, seed);
     folder.write_json("report.json", &report)?;
@@ -133,11 +126,11 @@ pub fn write_identified(
     Ok(Page::gather(rounds, report, manifest, truth(files)?))
 }
 
-/// What `truth.json` beside simulated data says; `None` for measured data.
+/// What `truth.json` beside simulated data says; nothing of measured data.
 ///
 /// # Errors
 /// The input's fault if the file is there and is no JSON.
-pub fn truth(files: &[PathBuf]) -> Result<Option<KnownTruth>> {
+pub fn truth(files: &[PathBuf]) -> Result<KnownTruth> {
     let beside = files.first().and_then(|f| f.parent());
-    beside.map_or(Ok(None), KnownTruth::load)
+    beside.map_or_else(|| Ok(KnownTruth::default()), KnownTruth::load)
 }

@@ -30,6 +30,7 @@ pub fn run(arguments: &IdentifyArguments, global: &Global, console: &Console) ->
     };
     let options = run.doubting(run.folder.path());
     let rounds = [identify::identify(&model, &options, console)?];
+    run.table(&rounds[0].draws, run.folder.path())?;
     let page = field_run::write_identified(&model, &rounds, &run.folder, run.seed())?;
     field_run::show(&page, run.verbose)?;
     run.finish(&page, rounds.iter().map(|r| &r.verdict), console)

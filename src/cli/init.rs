@@ -53,7 +53,7 @@ pub struct InitArguments {
 }
 
 /// The models that come with the program.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+#[derive(Debug, Clone, Copy, ValueEnum)]
 pub enum Like {
     /// The laminate of the open-hole test
     Openhole,

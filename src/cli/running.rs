@@ -11,6 +11,7 @@ use super::console::{Console, line};
 use super::folder::{Folder, verb};
 use super::samplers::SamplerOptions;
 use super::{DEFAULT_MODEL, Global, cache, print};
+use crate::chain::{Draws, write_csv};
 use crate::diagnose::{Rule, Verdict};
 use crate::error::{Error, Result};
 use crate::files::hex;
@@ -52,6 +53,9 @@ pub struct Running {
     /// Write the figures as PNG too (needs a program built with `--features png`)
     #[arg(long)]
     png: bool,
+    /// Write the draws as tables too: chain.csv beside each chain.zarr
+    #[arg(long)]
+    csv: bool,
     #[command(flatten)]
     limits: Limits,
 }
@@ -70,7 +74,7 @@ pub struct RunPlan {
     /// Whether figures are written as PNG too.
     pub png: bool,
     /// Whether draws are written as tables too, beside their stores.
-    pub tables: bool,
+    tables: bool,
     /// Whether doubts about the input, and chains that have not converged, are an error.
     strict: bool,
     /// Whether everything is printed.
@@ -133,7 +137,7 @@ impl Running {
             identity,
             resume: self.resume,
             png: self.png,
-            tables: true,
+            tables: self.csv,
             strict: self.strict,
             verbose: global.verbose,
         })
@@ -143,6 +147,14 @@ impl Running {
 impl RunPlan {
     pub fn seed(&self) -> u64 {
         self.schedule.seed
+    }
+
+    /// Write draws as `chain.csv` in a folder, where that is asked for.
+    pub fn table(&self, draws: &Draws, place: &Path) -> Result<()> {
+        match self.tables {
+            true => write_csv(draws, &place.join("chain.csv")),
+            false => Ok(()),
+        }
     }
 
     /// How one identification is run whose chains are kept at `place`.
@@ -259,7 +271,7 @@ pub(super) fn not_converged(found: &str) -> Error {
 }
 
 /// When sampling ends.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Args)]
 pub(super) struct Limits {
     /// Maximum number of draws, all chains together
     #[arg(long, value_name = "N")]

@@ -102,7 +102,7 @@ impl SampleArguments {
 }
 
 /// What is known of a parameter before it is sampled.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", deny_unknown_fields)]
 enum ParameterPrior {
     Normal { mean: f64, sd: f64 },

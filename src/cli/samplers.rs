@@ -18,7 +18,7 @@ The default is ensemble with independence:0.7,de:0.25,stretch:0.05. It finds the
 box reaches over both. A funnel converges with none of them: take other parameters.";
 
 /// Arguments of every verb that samples.
-#[derive(Debug, Clone, Args)]
+#[derive(Debug, Args)]
 pub struct SamplerOptions {
     /// Sampler: ensemble or adaptive
     #[arg(long, default_value = "ensemble")]

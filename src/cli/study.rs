@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::console::Console;
 use super::running::{RunPlan, written_to};
 use super::{cache, field_run, print, results};
-use crate::chain::{Draws, read_zarr, write_csv};
+use crate::chain::{Draws, read_zarr};
 use crate::diagnose::Verdict;
 use crate::error::Result;
 use crate::files;
@@ -33,7 +33,7 @@ fn each_alone(plan: &RunPlan, console: &Console) -> Result<Vec<Alone>> {
     let options = |name: &str| plan.doubting(&place(name));
     let found = alone(&plan.study, &options, console)?;
     for one in &found {
-        write_csv(one.draws()?, &place(&one.name).join("chain.csv"))?;
+        plan.table(one.draws()?, &place(&one.name))?;
         let Some(sampled) = &one.sampled else {
             continue;
         };
@@ -99,7 +99,7 @@ fn written(
         let mut report = gather::identified(model, &rounds, seed);
         report.together = summary.take();
         let files = rounds[0].files().to_vec();
-        write_csv(&rounds[0].draws, &place.join("chain.csv"))?;
+        plan.table(&rounds[0].draws, &place)?;
         files::write_json(&place.join("report.json"), &report)?;
         let manifest = plan
             .folder
@@ -148,7 +148,7 @@ fn finish(
     console.begin("report and figures", None);
     let place = plan.folder.path();
     write_study(place, report, &found.draws, &plan.study)?;
-    write_csv(&found.draws, &place.join("chain.csv"))?;
+    plan.table(&found.draws, place)?;
     let manifest =
         (plan.folder).manifest(Some(&plan.study.path), &[], plan.seed(), console.costs())?;
     console.end();
@@ -161,11 +161,8 @@ fn finish(
 fn write_study(place: &Path, report: &StudyReport, draws: &Draws, study: &Study) -> Result<()> {
     files::write_json(&place.join("model.json"), &study.json(true)?)?;
     files::write_json(&place.join("report.json"), report)?;
-    let truth = study.path.parent().map_or(Ok(None), KnownTruth::load)?;
-    files::replace(
-        &place.join("report.html"),
-        page(report, draws, truth.as_ref())?,
-    )
+    let truth = field_run::truth(std::slice::from_ref(&study.path))?;
+    files::replace(&place.join("report.html"), page(report, draws, &truth)?)
 }
 
 /// `report` of a finished run without a field.
@@ -176,10 +173,7 @@ pub fn report_again(folder: &Path) -> Result<()> {
     let sampler = Ensemble::default();
     report.sections = sections(&study, &draws, &Options::new(&sampler, cache()))?;
     let truth = KnownTruth::load(folder)?;
-    files::replace(
-        &folder.join("report.html"),
-        page(&report, &draws, truth.as_ref())?,
-    )
+    files::replace(&folder.join("report.html"), page(&report, &draws, &truth)?)
 }
 
 /// `loop` of a study that is not one field alone.

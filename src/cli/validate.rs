@@ -13,7 +13,7 @@ use super::folder::{Folder, check_run, say_round};
 use super::running::{identity, named_range};
 use super::samplers::named;
 use super::{DEFAULT_MODEL, Global, cache, print, results};
-use crate::chain::{Draws, read_zarr, write_csv, write_zarr};
+use crate::chain::{Draws, read_zarr, write_zarr};
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
 use crate::identify::{self, InverseProblem, Options};
@@ -210,7 +210,6 @@ fn write_grid(grid: &PosteriorGrid, folder: &Path) -> Result<()> {
     }
     std::fs::create_dir_all(folder).map_err(failed)?;
     let draws = grid.draws(GRID_CHAINS, GRID_DRAWS)?;
-    write_csv(&draws, &folder.join("chain.csv"))?;
     write_zarr(&draws, &folder.join("chain.zarr"))
 }
 

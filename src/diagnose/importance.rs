@@ -4,7 +4,7 @@
 use crate::numeric::relative_weights;
 
 /// Draws under another density.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub struct Weighed {
     /// Effective share of the draws, 1 where all weigh alike, 0 where the density has none of them.
     pub effective: f64,

@@ -4,6 +4,8 @@ use std::fmt;
 
 use rayon::prelude::*;
 
+use serde::{Deserialize, Serialize};
+
 use super::FEWEST;
 use super::ess::{ess_bulk, ess_tail};
 use super::mcse::{mcse_mean, mcse_quantile, mcse_sd};
@@ -12,7 +14,6 @@ use super::tau::{tau, tau_error};
 use super::transform::{mean, sd, sorted};
 use super::transitions::transitions;
 use crate::chain::{Draws, ScalarDraws};
-use crate::files::stored;
 use crate::numeric::quantile;
 use crate::sample::Stop;
 
@@ -44,7 +45,7 @@ impl Default for Rule {
 }
 
 /// The figures of one parameter.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Name with its unit.
     pub name: String,
@@ -76,7 +77,7 @@ pub struct Row {
 }
 
 /// What a run's draws are worth.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Verdict {
     /// Whether the rule is satisfied by every parameter.
     pub converged: bool,
@@ -87,30 +88,6 @@ pub struct Verdict {
     /// Shape of the draws: independent ensembles, chains, draws a chain.
     pub shape: [usize; 3],
 }
-
-stored!(Row {
-    name,
-    mean,
-    sd,
-    low,
-    median,
-    high,
-    mcse_mean,
-    mcse_sd,
-    mcse_quantiles,
-    rhat,
-    ess_bulk,
-    ess_tail,
-    tau,
-    tau_change,
-    tau_error
-});
-stored!(Verdict {
-    converged,
-    reasons,
-    rows,
-    shape
-});
 
 impl Verdict {
     /// Largest R-hat; NaN if any is.

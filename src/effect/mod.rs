@@ -47,10 +47,11 @@ mod thickness_taper;
 mod uniform_strain;
 mod yielding;
 
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
 use crate::error::{Error, Result};
 use crate::fem::Setup;
 use crate::field::Frame;
-use crate::files::{Stored, stored};
 use crate::laminate::{Material, MeanSd, Ply};
 
 pub use optics::displacements_are_imaged;
@@ -149,10 +150,24 @@ fn unless_moments(scene: &Scene) -> Option<&'static str> {
         .then_some("stiff grips guide all loaded edges, which can neither turn nor lean")
 }
 
-/// The obstacle of an effect in closed form for plies of the same directions everywhere.
-fn unless_same_plies(scene: &Scene) -> Option<&'static str> {
+/// The obstacle of an expansion in closed form, for plies of the same directions everywhere.
+fn unless_same_expansion(scene: &Scene) -> Option<&'static str> {
+    if scene.expansion_per_k.is_none() {
+        return Some("the material's thermal expansion is unknown: give expansion_per_K");
+    }
     (scene.setup.has_own_plies())
         .then_some("regions of the mesh have plies of other directions (mesh.regions): they expand differently, and hold each other")
+}
+
+/// The obstacle of an effect of the specimen's own plies.
+fn unless_own_plies(scene: &Scene) -> Option<&'static str> {
+    if scene.material == Material::Isotropic {
+        return Some("an isotropic plate has no plies");
+    }
+    let has_own = scene.setup.regions.iter().any(|r| r.layup.is_some());
+    has_own.then_some(
+        "regions of the mesh have a layup of their own (mesh.regions), without the specimen's plies",
+    )
 }
 
 /// The obstacle of an effect that changes the hole, where the geometry does not offer it.
@@ -168,7 +183,7 @@ fn unless_movable(scene: &Scene) -> Option<&'static str> {
 }
 
 /// How an effect acts.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Kind {
     /// A displacement field that is known beforehand is added to what is observed, in proportion to the amplitudes.
     Additive,
@@ -198,7 +213,7 @@ impl Kind {
 }
 
 /// What an effect's amplitude has to do with the steps of a load series.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Scope {
     /// It belongs to the specimen or the load; its field grows with the force.
     Mechanical,
@@ -213,7 +228,7 @@ pub enum Scope {
 }
 
 /// What goes wrong where fringes are recorded. Both are taken out of the field before it is fitted.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub enum RecordingError {
     /// Whole fringe orders, in a region.
     MiscountedOrders,
@@ -511,22 +526,22 @@ pub fn find(place: &str, name: &str) -> Result<&'static dyn Effect> {
 }
 
 /// An effect with its amplitudes, one a parameter, in border units.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Acting {
     pub effect: &'static dyn Effect,
     pub amplitude: Vec<f64>,
 }
 
-stored!(Acting { effect, amplitude });
-
-/// By its name, which is looked up.
-impl Stored for &'static dyn Effect {
-    fn put(&self, out: &mut Vec<u8>) {
-        self.name().to_string().put(out);
+/// By its name.
+impl Serialize for dyn Effect {
+    fn serialize<S: Serializer>(&self, serializer: S) -> std::result::Result<S::Ok, S::Error> {
+        self.name().serialize(serializer)
     }
+}
 
-    fn take(from: &mut &[u8]) -> Option<Self> {
-        find("stage", &String::take(from)?).ok()
+impl<'de> Deserialize<'de> for &'static dyn Effect {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> std::result::Result<Self, D::Error> {
+        find("effect", &String::deserialize(from)?).map_err(serde::de::Error::custom)
     }
 }
 

@@ -5,7 +5,7 @@ use crate::error::{Error, Result};
 use crate::parameter::Parameter;
 
 /// One parameter of an effect.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct EffectParameter {
     /// Name that ends in its unit (`angle_urad`).
     pub name: &'static str,

@@ -2,10 +2,8 @@
 
 use std::f64::consts::PI;
 
-use super::single_ply_misorientation::OWN_LAYUPS;
-use super::{Effect, EffectParameter, Entry, Kind, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_own_plies};
 use crate::fem::Setup;
-use crate::laminate::Material;
 
 /// Plies of the `0`-th different angle to the loading axis, whatever its sign, counted from 0.
 pub struct PlyShare(pub usize);
@@ -70,11 +68,8 @@ impl Effect for PlyShare {
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        if scene.material == Material::Isotropic {
-            return Some("an isotropic plate has no plies");
-        }
-        if scene.setup.regions.iter().any(|r| r.layup.is_some()) {
-            return Some(OWN_LAYUPS);
+        if let Some(obstacle) = unless_own_plies(scene) {
+            return Some(obstacle);
         }
         // the last group's share is what the others leave
         let count = groups(&scene.setup.angles).into_iter().max().unwrap_or(0);

@@ -1,8 +1,7 @@
 //! One ply is turned against the others.
 
-use super::{Effect, EffectParameter, Entry, Kind, Scene};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_own_plies};
 use crate::fem::Setup;
-use crate::laminate::Material;
 
 /// The first ply of the `0`-th different angle of the layup, counted from 0: which of several plies of the same angle is turned, a
 /// field in the plane does not tell.
@@ -13,10 +12,6 @@ const NAMES: [&str; 3] = [
     "single_ply_misorientation_2",
     "single_ply_misorientation_3",
 ];
-
-/// The obstacle of effects of the specimen's own plies.
-pub(super) const OWN_LAYUPS: &str =
-    "regions of the mesh have a layup of their own (mesh.regions), without the specimen's plies";
 
 /// Index of the first ply of each different angle.
 fn different(angles: &[f64]) -> Vec<usize> {
@@ -42,11 +37,8 @@ impl Effect for SinglePlyMisorientation {
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        if scene.material == Material::Isotropic {
-            return Some("an isotropic plate has no plies");
-        }
-        if scene.setup.regions.iter().any(|r| r.layup.is_some()) {
-            return Some(OWN_LAYUPS);
+        if let Some(obstacle) = unless_own_plies(scene) {
+            return Some(obstacle);
         }
         let angles = &scene.setup.angles;
         if angles.len() < 2 {

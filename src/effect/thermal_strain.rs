@@ -1,6 +1,6 @@
 //! The specimen was warmer or colder when it was loaded.
 
-use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_same_plies};
+use super::{Effect, EffectParameter, Entry, Kind, Scene, unless_same_expansion};
 use crate::laminate::free_expansion;
 
 pub struct ThermalStrain;
@@ -34,9 +34,6 @@ impl Effect for ThermalStrain {
     }
 
     fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
-        if scene.expansion_per_k.is_none() {
-            return Some("the material's thermal expansion is unknown: give expansion_per_K");
-        }
-        unless_same_plies(scene)
+        unless_same_expansion(scene)
     }
 }

@@ -206,10 +206,5 @@ pub fn gauged(gauge: Gauge, sight: &Sight, all: &[[f64; 2]]) -> Vec<[f64; 2]> {
     if gauge != Gauge::Window {
         return all[..points.len()].to_vec();
     }
-    let motion = rigid::fit(sight.all(), all);
-    let rest = |(&p, u): (&[f64; 2], &[f64; 2])| {
-        let m = motion.at(p);
-        [u[0] - m[0], u[1] - m[1]]
-    };
-    points.iter().zip(all).map(rest).collect()
+    rigid::fit(sight.all(), all).removed(points, all)
 }

@@ -7,7 +7,7 @@ use crate::geometry::Density;
 use crate::laminate::Ply;
 
 /// What halving all elements changes over a window, without rigid motion.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct MeshError {
     /// Root mean square of both components, mm.
     pub rms_mm: f64,

@@ -10,10 +10,9 @@ use crate::effect::{Acting, Effect, Kind, Scene, Scope, Seen, force_scale};
 use crate::error::Result;
 use crate::fem::Anchor;
 use crate::field::rigid::{self, RigidMotion};
-use crate::files::{Stored, stored};
 
 /// How the amplitude of a motion goes over the steps of a series.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Law {
     /// It has arisen with the reference picture: the same in every step.
@@ -83,7 +82,7 @@ impl Law {
 const SEATING: f64 = 0.05;
 
 /// A point of a series' parameter space.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct SeriesState {
     /// Constants, thickness, and the effects that all steps share.
     pub shared: State,
@@ -98,38 +97,13 @@ pub struct SeriesState {
 }
 
 /// An effect whose amplitude is another in each step, by one law.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Moving {
     pub effect: &'static dyn Effect,
     /// The amplitude in each step over the stated one.
     pub weights: Vec<f64>,
     /// The stated one, border units.
     pub amplitude: Vec<f64>,
-}
-
-stored!(SeriesState {
-    shared,
-    loads,
-    rigid,
-    moving,
-    shifts
-});
-stored!(Moving {
-    effect,
-    weights,
-    amplitude
-});
-
-/// By its place among all.
-impl Stored for Law {
-    fn put(&self, out: &mut Vec<u8>) {
-        let place = Self::ALL.iter().position(|law| law == self);
-        place.unwrap_or(Self::ALL.len()).put(out);
-    }
-
-    fn take(from: &mut &[u8]) -> Option<Self> {
-        Self::ALL.get(usize::take(from)?).copied()
-    }
 }
 
 impl Moving {
@@ -496,10 +470,5 @@ pub fn reported(
 
 /// A field without its least-squares rigid motion, each place counting with its weight.
 pub fn rigid_free(places: &[[f64; 2]], weights: &[usize], field: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let motion = rigid::fit_weighted(places, weights, field);
-    let left = |(&p, u): (&[f64; 2], &[f64; 2])| {
-        let m = motion.at(p);
-        [u[0] - m[0], u[1] - m[1]]
-    };
-    places.iter().zip(field).map(left).collect()
+    rigid::fit_weighted(places, weights, field).removed(places, field)
 }

@@ -27,30 +27,30 @@ pub struct ExperimentSpec {
     pub kind: ExperimentKind,
     pub specimen: SpecimenSpec,
     /// An imported mesh in place of the strip.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub mesh: Option<MeshSpec>,
     /// The shape that this mesh makes, once it was read.
     #[serde(skip)]
     pub meshed: Option<Arc<ImportedPlate>>,
     /// The load of the one measurement; the steps of a series have their own.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub load: Option<LoadSpec>,
     /// How the rigid motion of predictions is fixed.
     #[serde(default)]
     pub gauge: Gauge,
     pub measurement: MeasurementSpec,
     /// A series of loads in place of one, in the order in which they were taken.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub steps: Option<Vec<StepSpec>>,
     /// Sd of the error that every declared force of a series has in its own step, percent of it; that of a machine of class 1 where
     /// nothing is said.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub force_sd_percent: Option<f64>,
     /// The force of the reference step, N, as the size of its field has it: of a series of which no force is known.
     #[serde(skip)]
     pub fitted_n: Option<f64>,
     /// Restriction of the points used, `[[x0, y0], [x1, y1]]` in the data's frame.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub window_mm: Option<[[f64; 2]; 2]>,
     /// Effects that the model declares.
     pub effects: Vec<String>,
@@ -61,7 +61,7 @@ pub struct ExperimentSpec {
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub load_cell: String,
     /// Effects that tracing may consider, in place of the whole dictionary.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub candidates: Option<Vec<String>>,
     /// Standard deviations of effects' amplitudes by `effect.parameter`, in its unit, in place of the dictionary's.
     #[serde(
@@ -76,7 +76,7 @@ pub struct ExperimentSpec {
 }
 
 /// What is known of the forces of a series beside what each step declares.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct StepForces {
     /// The force that all others are stated over, N.
     pub nominal_n: f64,
@@ -85,7 +85,7 @@ pub struct StepForces {
 }
 
 /// What an experiment observes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase", try_from = "String")]
 pub enum ExperimentKind {
     /// The displacement field of a plate under one load.

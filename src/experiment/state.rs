@@ -1,10 +1,11 @@
 //! A point of the parameter space of everything that may act on an experiment.
 
+use serde::{Deserialize, Serialize};
+
 use crate::effect::{Acting, EFFECTS, Effect};
-use crate::files::stored;
 
 /// Elastic constants, thickness, and the effects that act.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct State {
     /// Elastic constants, border units.
     pub constants: Vec<f64>,
@@ -12,12 +13,6 @@ pub struct State {
     pub thickness_mm: f64,
     acting: Vec<Acting>,
 }
-
-stored!(State {
-    constants,
-    thickness_mm,
-    acting
-});
 
 impl State {
     /// A state in which no effect acts.

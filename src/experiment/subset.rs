@@ -21,7 +21,7 @@ pub struct Imaging {
 }
 
 /// The subsets of an image correlation.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Subsets {
     /// Side of the square, mm.
     pub side_mm: f64,

@@ -25,7 +25,7 @@ pub struct Anchor {
 }
 
 /// A Gaussian about a place, of height 1.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Bump {
     pub center_mm: [f64; 2],
     pub sd_mm: f64,

@@ -132,7 +132,7 @@ impl BendingFactor<'_> {
 
 /// A moment M1 about direction 2 that acts on the whole specimen through the edges `low` and `high`, per length of the parallel
 /// part's width: M1 = moment + gradient s, s from the origin, with the shear force at both ends that a gradient needs.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy)]
 pub struct EndMoment {
     /// N mm a mm.
     pub moment: f64,
@@ -180,7 +180,7 @@ fn chord(mesh: &Mesh, [a, _, b]: &Edge) -> f64 {
 }
 
 /// A bent plate, up to its rigid motion.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Bent {
     /// Deflection w towards the face z = +h/2, mm, one a node.
     pub deflection: Vec<f64>,
@@ -214,10 +214,7 @@ pub fn bend(mesh: &Mesh, plate: &PlateStiffness, loads: &[EndMoment]) -> Result<
 /// Q2 + dM12/ds; the twisting moment M12 that grows with t is balanced along the sides and at the corners. That part is the gradient of
 /// -w with w = -(s^3 + 3/2 k12 s^2 t + 3 k2 s t^2 + k222 t^3) / 6.
 pub fn plain_rotation(plate: &PlateStiffness, curvature: [f64; 2], [s, t]: [f64; 2]) -> [f64; 2] {
-    let d = &plate.bending;
-    let kappa = plate.curvature(&Vector3::x());
-    let (k2, k12) = (kappa.y / kappa.x, kappa.z / kappa.x);
-    let k222 = -(0.5 * d[(0, 1)] * k12 + 2.0 * d[(1, 2)] * k2) / d[(1, 1)];
+    let [k2, k12, k222] = plain_curvatures(plate);
     let [uniform, gradient] = curvature;
     [
         uniform * (s + 0.5 * k12 * t) + gradient * 0.5 * (s * s + k12 * s * t + k2 * t * t),
@@ -226,11 +223,17 @@ pub fn plain_rotation(plate: &PlateStiffness, curvature: [f64; 2], [s, t]: [f64;
     ]
 }
 
-/// Deflection, mm, of which the part of [`plain_rotation`] that grows along direction 1 by 1/mm^2 is the negative gradient.
-pub fn plain_deflection(plate: &PlateStiffness, [s, t]: [f64; 2]) -> f64 {
+/// k2, k12 and k222 of [`plain_rotation`].
+fn plain_curvatures(plate: &PlateStiffness) -> [f64; 3] {
     let d = &plate.bending;
     let kappa = plate.curvature(&Vector3::x());
     let (k2, k12) = (kappa.y / kappa.x, kappa.z / kappa.x);
     let k222 = -(0.5 * d[(0, 1)] * k12 + 2.0 * d[(1, 2)] * k2) / d[(1, 1)];
+    [k2, k12, k222]
+}
+
+/// Deflection, mm, of which the part of [`plain_rotation`] that grows along direction 1 by 1/mm^2 is the negative gradient.
+pub fn plain_deflection(plate: &PlateStiffness, [s, t]: [f64; 2]) -> f64 {
+    let [k2, k12, k222] = plain_curvatures(plate);
     -(s.powi(3) + 1.5 * k12 * s * s * t + 3.0 * k2 * s * t * t + k222 * t.powi(3)) / 6.0
 }

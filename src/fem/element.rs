@@ -38,7 +38,7 @@ pub fn position(x: &[[f64; 2]; 8], n: &[f64; 8]) -> [f64; 2] {
 pub fn physical_gradient(x: &[[f64; 2]; 8], a: f64, b: f64) -> ([[f64; 2]; 8], f64) {
     let local = shape_gradient(a, b);
     let j = jacobian(x, &local);
-    let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
+    let det = determinant(&j);
     let gradient = local.map(|d| {
         [
             (j[1][1] * d[0] - j[1][0] * d[1]) / det,
@@ -46,6 +46,11 @@ pub fn physical_gradient(x: &[[f64; 2]; 8], a: f64, b: f64) -> ([[f64; 2]; 8], f
         ]
     });
     (gradient, det)
+}
+
+/// Determinant of a Jacobian.
+pub fn determinant(j: &[[f64; 2]; 2]) -> f64 {
+    j[0][0] * j[1][1] - j[0][1] * j[1][0]
 }
 
 /// `j[i][k]`: derivative of the physical coordinate i with respect to the local coordinate k.

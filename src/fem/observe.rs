@@ -239,7 +239,7 @@ fn invert(x: &[[f64; 2]; 8], point: [f64; 2]) -> Option<[f64; 2]> {
     for _ in 0..20 {
         let p = element::position(x, &element::shape(a, b));
         let j = element::jacobian(x, &element::shape_gradient(a, b));
-        let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
+        let det = element::determinant(&j);
         let r = [point[0] - p[0], point[1] - p[1]];
         let da = (j[1][1] * r[0] - j[0][1] * r[1]) / det;
         let db = (j[0][0] * r[1] - j[1][0] * r[0]) / det;

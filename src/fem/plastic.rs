@@ -18,7 +18,7 @@ use crate::geometry::{HIGH, LOW, Mesh};
 use crate::laminate::Ply;
 
 /// A plate at a point of a history of loads.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct YieldFrame {
     /// Factor on the test's load.
     pub factor: f64,

@@ -53,7 +53,7 @@ struct UnitField {
 }
 
 /// What a plastic part depends on.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Metal {
     /// MPa.
     pub young: f64,

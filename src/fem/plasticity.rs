@@ -15,7 +15,7 @@ pub struct J2 {
 }
 
 /// What is left at a point of the plastic flow so far.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Plastic {
     /// Plastic strain (e11, e22, gamma12).
     pub strain: Vector3<f64>,

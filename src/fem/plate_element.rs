@@ -60,7 +60,7 @@ fn strains(
 ) -> (SMatrix<f64, 5, ALL>, f64) {
     let local = element::shape_gradient(a, b);
     let j = element::jacobian(x, &local);
-    let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
+    let det = element::determinant(&j);
     let physical = |d0: f64, d1: f64| {
         [
             (j[1][1] * d0 - j[1][0] * d1) / det,

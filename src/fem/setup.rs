@@ -21,7 +21,7 @@ pub struct Yield {
 }
 
 /// What a region of the mesh has in place of the specimen's stack.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Region {
     /// Ply angles in place of the specimen's, rad, as [`Setup::angles`].
     pub layup: Option<Vec<f64>>,

@@ -89,7 +89,7 @@ impl Vibrating<'_> {
         for (a, wa) in GAUSS {
             for (b, wb) in GAUSS {
                 let j = element::jacobian(x, &element::shape_gradient(a, b));
-                let det = j[0][0] * j[1][1] - j[0][1] * j[1][0];
+                let det = element::determinant(&j);
                 let here = self.mass_per_area * wa * wb * det;
                 let n = element::shape(a, b);
                 for (i, left) in n.iter().enumerate() {

@@ -42,7 +42,7 @@ const NO_VALUE: &[(&str, &[&str])] = &[
 ];
 
 /// What separates the cells of a line.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Delimiter {
     Sign(char),
     /// Any number of blanks and tabs.

@@ -1,10 +1,12 @@
 //! The `image_correlation` object of a measurement: how images became displacements.
 
 use serde::{Deserialize, Serialize};
+use serde_with::skip_serializing_none;
 
 use crate::error::{Error, Result};
 
 /// The `image_correlation` object of a measurement.
+#[skip_serializing_none]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ImageCorrelation {
@@ -12,19 +14,14 @@ pub struct ImageCorrelation {
     pub subset_mm: f64,
     /// Side of the subset over which averages are taken and noise is correlated, mm, where a loop found another than the declared one. Points
     /// go whose subset of that size reaches over an edge.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub effective_subset_mm: Option<f64>,
     /// Distance of neighbouring points, mm, where it is declared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step_mm: Option<f64>,
     /// Shape function of the subsets, where it is declared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub shape: Option<SubsetShape>,
     /// Distance of the camera from the specimen, mm, where it is declared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub camera_distance_mm: Option<f64>,
     /// Size of a pixel on the specimen, mm, where it is declared.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub pixel_mm: Option<f64>,
     /// What happens to points whose subset reaches over an edge or the hole.
     #[serde(default, skip_serializing_if = "PartialSubsets::is_default")]
@@ -32,7 +29,7 @@ pub struct ImageCorrelation {
 }
 
 /// What happens to points whose subset reaches over an edge or the hole: the fit on what is left of it is another average.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PartialSubsets {
     /// They are dropped and counted.
@@ -50,7 +47,7 @@ impl PartialSubsets {
 }
 
 /// How the displacement varies over a subset.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum SubsetShape {
     Full,

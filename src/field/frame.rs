@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// An axis of the data's x-y plane.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Axis {
     /// The data's x axis.

@@ -4,7 +4,7 @@ use super::frame::Frame;
 use super::measured::{Field, GridShape, Rejected};
 
 /// A field on a matrix, row by row; `points` and `displacement` have `rows * cols` entries.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Grid {
     pub rows: usize,
     /// Columns.

@@ -11,7 +11,7 @@ pub const WORTH_A_WORD_DEG: f64 = 1.0;
 const STEEPEST_DEG: f64 = 60.0;
 
 /// The plane z = a + b x + c y through points.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct TiltedPlane {
     height: f64,
     slope: [f64; 2],

@@ -48,7 +48,7 @@ pub struct Field {
 }
 
 /// Where the points lie in a matrix.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct GridShape {
     /// Rows of the matrix.
     pub rows: usize,
@@ -59,7 +59,7 @@ pub struct GridShape {
 }
 
 /// Numbers of dropped points by reason.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Rejected {
     /// Not measured: NaN or empty cells.
     pub missing: usize,
@@ -84,7 +84,7 @@ pub struct Rejected {
 }
 
 /// Why points are dropped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Reason {
     /// Outside the declared window.
     OutsideWindow,

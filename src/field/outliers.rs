@@ -24,7 +24,7 @@ const COMPANIONS: usize = 4;
 const PART: usize = 400;
 
 /// Which components of a point are outliers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Outlier {
     /// Index of the point.
     pub point: usize,

@@ -3,12 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_with::skip_serializing_none;
 
 use super::frame::Frame;
 use super::grid::Grid;
 use super::measured::Field;
 use crate::error::{Error, Result};
-use crate::quantity::Length;
+use crate::quantity::length_in_mm;
 
 /// A format of measured fields: one file of this room, and one line of [`super::READERS`].
 pub trait Reader: Sync {
@@ -63,7 +64,8 @@ pub struct ColumnMap {
 }
 
 /// Header names of the columns of a table. A name after a minus sign is that column with its sign changed: `"uy": "-V"`.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[skip_serializing_none]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Columns {
     /// The point's x coordinate.
@@ -77,10 +79,8 @@ pub struct Columns {
     /// Standard deviation of a displacement, as the program that correlated the images states it. Where it is not above 0
     /// the correlation failed (VIC and DICe write -1), and the point is dropped; a column that is 0 everywhere says nothing, and a 0 beside a
     /// good correlation was rounded.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<String>,
     /// Correlation coefficient, 1 for a perfect match (ZNCC). Points below [`LEAST_CORRELATION`] are dropped.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub correlation: Option<String>,
     /// Whether x and y are places in the deformed state, as GOM writes them: the reference place is then x - ux, y - uy.
     #[serde(default, skip_serializing_if = "is_false")]
@@ -103,7 +103,8 @@ pub const LEAST_CORRELATION: f64 = 0.9;
 /// Name of the unit that needs a scale.
 pub const PIXEL: &str = "px";
 
-/// Units of a table's columns, by their names in [`crate::quantity::Length`], or [`PIXEL`].
+/// Units of a table's columns, by their names in [`crate::quantity::LENGTHS`], or [`PIXEL`].
+#[skip_serializing_none]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Units {
@@ -113,10 +114,8 @@ pub struct Units {
     pub displacements: String,
     /// Unit of the standard deviations, that of the displacements where it is not declared. Without a scale those in pixels
     /// tell failed points and nothing else.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub sigma: Option<String>,
     /// Size of a pixel on the specimen, mm, where a unit is the pixel.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mm_per_pixel: Option<f64>,
 }
 
@@ -169,7 +168,7 @@ impl Units {
     pub fn in_mm(&self) -> Result<[f64; 2]> {
         let scale = |key: &str, unit: &str| -> Result<f64> {
             if unit != PIXEL {
-                return Ok(Length::parse(key, unit)?.in_mm());
+                return length_in_mm(key, unit);
             }
             self.mm_per_pixel.ok_or_else(|| {
                 let expected = format!("a pixel's size in mm, because {key} is \"{PIXEL}\"");
@@ -192,7 +191,7 @@ impl Units {
     pub fn sigma_in_mm(&self) -> Result<Option<f64>> {
         match self.sigma.as_deref().unwrap_or(&self.displacements) {
             PIXEL => Ok(self.mm_per_pixel),
-            unit => Ok(Some(Length::parse("units.sigma", unit)?.in_mm())),
+            unit => length_in_mm("units.sigma", unit).map(Some),
         }
     }
 }

@@ -1,11 +1,9 @@
 //! Least-squares rigid motion of a plane field.
 
-use serde::Serialize;
-
-use crate::files::stored;
+use serde::{Deserialize, Serialize};
 
 /// Translation of the centre and small rotation about it.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct RigidMotion {
     /// Translation (u1, u2), mm.
     pub shift: [f64; 2],
@@ -17,13 +15,6 @@ pub struct RigidMotion {
     /// The centre of the points, mm.
     pub center: [f64; 2],
 }
-
-stored!(RigidMotion {
-    shift,
-    angle,
-    own,
-    center
-});
 
 impl RigidMotion {
     /// No motion.
@@ -77,6 +68,17 @@ impl RigidMotion {
             self.shift[0] - self.angle * (t - self.center[1]),
             self.shift[1] + self.angle * (s - self.center[0]),
         ]
+    }
+}
+
+impl RigidMotion {
+    /// Displacements at points without the motion, of first order in the rotation.
+    pub fn removed(&self, points: &[[f64; 2]], displacements: &[[f64; 2]]) -> Vec<[f64; 2]> {
+        let rest = |(&p, u): (&[f64; 2], &[f64; 2])| {
+            let m = self.at(p);
+            [u[0] - m[0], u[1] - m[1]]
+        };
+        points.iter().zip(displacements).map(rest).collect()
     }
 }
 

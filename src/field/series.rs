@@ -15,7 +15,7 @@ use super::table;
 use crate::error::{Error, Result};
 
 /// A measured load series, steps in the order in which they were taken.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Series {
     /// Points, frame, subset and the reference step's displacement and standard deviations, at the points that all steps
     /// have. Its `rejected` is the reference step's, with the outliers of all; its files are those of all.
@@ -28,7 +28,7 @@ pub struct Series {
 }
 
 /// A step at the points of the series.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Step {
     /// Its file without the ending, or the whole path where that is another step's too.
     pub name: String,

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
+use serde_with::skip_serializing_none;
 
 use super::coincident;
 use super::correlation::ImageCorrelation;
@@ -49,7 +50,7 @@ pub struct Source {
 }
 
 /// What happens to points that [`outliers::outliers`] finds.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum OutlierRule {
     /// They are dropped and counted.
@@ -61,24 +62,18 @@ pub enum OutlierRule {
 
 /// The keys as they are written: serde's internally tagged enums let unknown keys pass, so one flat set of keys is
 /// read and then sorted by format.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[skip_serializing_none]
+#[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SpecKeys {
     format: String,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     dir: Option<PathBuf>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     file: Option<PathBuf>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     columns: Option<Columns>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     units: Option<Units>,
     loading_axis: Axis,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     hole_center_in_data_mm: Option<[f64; 2]>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     fringe_frequency_per_mm: Option<f64>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     image_correlation: Option<ImageCorrelation>,
     #[serde(default)]
     outliers: OutlierRule,

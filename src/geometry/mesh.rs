@@ -24,7 +24,7 @@ pub struct Mesh {
 }
 
 /// What loads and holds a mesh through edges of any names. Directions are along (direction 1, direction 2).
-#[derive(Debug, Clone, Default)]
+#[derive(Debug)]
 pub struct Boundary {
     pub loads: Vec<EdgeForce>,
     /// Edges along which components of the displacement are zero.
@@ -39,7 +39,7 @@ impl Boundary {
 }
 
 /// The whole force of a test on some edges.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct EdgeForce {
     pub edges: Vec<String>,
     /// Unit vector along which a positive force pulls.

@@ -50,7 +50,7 @@ pub fn declared(specimen: &SpecimenSpec) -> Arc<dyn Geometry> {
 }
 
 /// How fine a mesh is: a factor on the numbers of elements of a geometry's default mesh.
-#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, serde::Serialize)]
 pub struct Density(pub f64);
 
 impl Density {

@@ -6,7 +6,7 @@ use super::{HIGH, LOW, SIDES};
 use crate::laminate::{ClampSpec, End, SpecimenSpec};
 
 /// Outer edge of a strip, in coordinates whose origin is the geometry's.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Outline {
     /// Ends along direction 1: `[low, high]`, mm.
     pub s: [f64; 2],
@@ -16,7 +16,7 @@ pub struct Outline {
 }
 
 /// The shape of a clamped end.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Clamp {
     pub end: End,
     /// Width of the plate at the clamp over its width elsewhere, at least 1.

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::laminate::{End, SpecimenSpec};
 
 /// A strip without a hole, with the origin at its centre.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct PlainStrip {
     pub outline: Outline,
 }

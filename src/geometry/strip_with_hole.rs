@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::laminate::{End, SpecimenSpec};
 
 /// A strip with a circular hole at the origin.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct StripWithHole {
     pub outline: Outline,
     /// The hole's radius, mm.

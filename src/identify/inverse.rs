@@ -8,12 +8,12 @@ use super::coarse::CoarseTest;
 use super::forward::forward;
 use super::prepared::{Prepared, is_clear, nominal_point};
 use super::size::check_size;
-use super::weighed::{NumberedPoint, bytes_of, weighed};
+use super::weighed::{NumberedPoint, made_of, weighed};
 use crate::effect::Effect;
 use crate::error::{Error, Result};
 use crate::experiment::series::SeriesState;
 use crate::field::Field;
-use crate::files::{KeptStages, Stored};
+use crate::files::KeptStages;
 use crate::infer::{EffectUnderLaw, Marginal, Model, Steps};
 use crate::linearise::{
     CandidateColumns, Column, Forward, Insoluble, Measured, STEPS, Sensitivities, StepStack,
@@ -227,9 +227,8 @@ impl Beginning<'_> {
             Some(coarse) if !self.forward.observing.of_each_step() => CandidateColumns::On(coarse),
             _ => CandidateColumns::Here,
         };
-        let mut of = bytes_of(self.forward.model, self.measured);
-        (state.clone(), declared.clone()).put(&mut of);
-        (sought.clone(), self.coarse.is_some()).put(&mut of);
+        let test = made_of(self.forward.model, self.measured);
+        let made_of = (test, &state, &declared, &sought, self.coarse.is_some());
         let always = state.shared.constants.len() + self.forward.count(&declared, &state);
         let most = (1 + STEPS) * always + self.forward.count(&sought, &state);
         let at_ridge = || {
@@ -242,9 +241,9 @@ impl Beginning<'_> {
             self.progress.end();
             Ok((at, found?))
         };
-        let (state, found) = self
-            .kept
-            .stage("sensitivities-1", &of, at_ridge, self.progress)?;
+        let (state, found) =
+            self.kept
+                .stage("sensitivities-1", &made_of, at_ridge, self.progress)?;
         let point = LinearisationPoint {
             state,
             declared,

@@ -32,4 +32,4 @@ pub use prepared::{Begun, Prepared, is_clear, prepare};
 pub use residual::Residual;
 pub use solve::{Options, Reporting, checked, identify, identify_from, redrawn};
 pub use warnings::PRIOR_SDS;
-pub use weighed::{NumberedPoint, bytes_of, weighed};
+pub use weighed::{NumberedPoint, made_of, weighed};

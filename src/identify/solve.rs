@@ -18,7 +18,7 @@ use super::warnings::{NO_MODE, first_fit, warnings};
 use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose};
 use crate::error::{Blame, Error, Result};
-use crate::files::{KeptStages, Stored};
+use crate::files::KeptStages;
 use crate::infer::Model;
 use crate::linearise::Column;
 use crate::parameter::Parameter;
@@ -231,13 +231,11 @@ fn assessed(
         &mean,
         model.file.likelihood.noise_nm.is_some(),
     );
-    let mut of = Vec::new();
-    draws.lp().to_vec().put(&mut of);
     let drawn = (&*completed.0, &*completed.1);
     let measure = || against_elements(model, &inverse, drawn, progress);
     let importance = options
         .stages()
-        .stage("finite-elements", &of, measure, progress)?;
+        .stage("finite-elements", &draws.lp(), measure, progress)?;
     let field = &inverse.prepared.observation.field;
     let geometry = &*inverse.prepared.problem.experiment.scene().setup.geometry;
     let clear = |point: [f64; 2]| is_clear(geometry, point);

@@ -2,8 +2,10 @@
 
 use std::sync::Arc;
 
+use serde::Serialize;
+
 use crate::error::Result;
-use crate::files::{KeptStages, Stored};
+use crate::files::KeptStages;
 use crate::infer::Model;
 use crate::linearise::{Forward, Measured, Sensitivities};
 use crate::noise::series::{found_noise, settings_under};
@@ -43,8 +45,7 @@ pub fn weighed(
             return Ok(Weighing::by(noise, sensitivities));
         }
     }
-    let mut of = bytes_of(forward.model, measured);
-    sensitivities.put(&mut of);
+    let of = (made_of(forward.model, measured), sensitivities);
     let Some(frames) = measured.frames() else {
         let by_component = || {
             begin();
@@ -67,12 +68,13 @@ pub fn weighed(
     Ok(Weighing::by(Arc::new(settings), sensitivities))
 }
 
-/// The bytes of a model and of what was measured of it.
-pub fn bytes_of(model: &Model, measured: &Measured) -> Vec<u8> {
-    let mut of = Vec::new();
+/// A model and what was measured of it.
+pub fn made_of<'a>(model: &'a Model, measured: &'a Measured) -> impl Serialize + 'a {
     let file = model.file.to_json().unwrap_or_default();
-    file.to_string().put(&mut of);
-    (model.known.clone(), model.nominal.clone()).put(&mut of);
-    measured.averages.put(&mut of);
-    of
+    (
+        file.to_string(),
+        &model.known,
+        &model.nominal,
+        &measured.averages,
+    )
 }

@@ -1,18 +1,17 @@
 //! Effects as they act in a load series.
 
+use serde::{Deserialize, Serialize};
+
 use crate::effect::{Effect, EffectParameter, Kind, Scope};
 use crate::experiment::series::Law;
-use crate::files::stored;
 use crate::parameter::Parameter;
 
 /// An effect of a series with the law of its amplitude, where it has one.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Serialize, Deserialize)]
 pub struct EffectUnderLaw {
     pub effect: &'static dyn Effect,
     pub law: Option<Law>,
 }
-
-stored!(EffectUnderLaw { effect, law });
 
 impl EffectUnderLaw {
     /// All that may act of some effects: motions by every law but the free one, which is offered where one of these acts.

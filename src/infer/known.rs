@@ -2,12 +2,13 @@
 
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 
+use serde::{Deserialize, Serialize};
+
 use super::prior::Marginal;
 use super::tension::Moments;
-use crate::files::stored;
 
 /// A likelihood of the constants, normal, without their prior: exp(-d'A d / 2 + b'd) of distances d from the prior means in prior sds.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Known {
     /// A.
     pub precision: DMatrix<f64>,
@@ -16,12 +17,6 @@ pub struct Known {
     /// Prior means and sds of the constants, border units.
     scales: Vec<[f64; 2]>,
 }
-
-stored!(Known {
-    precision,
-    towards,
-    scales
-});
 
 impl Known {
     /// What a posterior of this mean and covariance (border units) says beyond the constants' prior: its precision less the prior's, where

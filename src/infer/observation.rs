@@ -22,7 +22,7 @@ pub struct Observation {
 }
 
 /// One amplitude of a declared effect of the recording, in its border unit.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct RecordedAmplitude {
     /// `effect.parameter`.
     pub name: String,

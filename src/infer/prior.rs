@@ -11,7 +11,7 @@ pub enum PriorSpec {
 }
 
 /// One parameter's normal prior, cut at bounds if there are any.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Marginal {
     pub mean: f64,
     pub sd: f64,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 use serde_json::value::RawValue;
 use serde_json::{Map, Value};
+use serde_with::skip_serializing_none;
 
 use super::prior::{Marginal, PriorSpec};
 use crate::effect::{Effect, amplitude_name, force_scale};
@@ -18,15 +19,14 @@ use crate::reduce::ReducedSpec;
 pub const SCHEMA: &str = "plychain-model/2";
 
 /// What a model file says of a field and its material.
+#[skip_serializing_none]
 #[derive(Debug, Clone, Serialize)]
 pub struct ModelFile {
     /// Always [`SCHEMA`].
     pub schema: String,
     /// Name, which also names run folders.
     pub name: String,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<RunNote>,
     pub material: MaterialSpec,
     /// The field that was measured: one.
@@ -44,6 +44,7 @@ pub struct RunNote {
 }
 
 /// The `material` object.
+#[skip_serializing_none]
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct MaterialSpec {
@@ -53,27 +54,22 @@ pub struct MaterialSpec {
     #[serde(deserialize_with = "unique")]
     pub parameters: BTreeMap<String, ParameterSpec>,
     /// Thermal expansion of a ply along and across its fibres, 1/K; (-0.2, 32) e-6/K for plies that do not say.
-    #[serde(
-        rename = "expansion_per_K",
-        default,
-        skip_serializing_if = "Option::is_none"
-    )]
+    #[serde(rename = "expansion_per_K")]
     pub expansion_per_k: Option<[f64; 2]>,
     /// Yield stress of a metal, MPa: what the effect `yielding` needs.
-    #[serde(rename = "yield_MPa", default, skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "yield_MPa")]
     pub yield_mpa: Option<MeanSd>,
 }
 
 /// One entry of `parameters`.
+#[skip_serializing_none]
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ParameterSpec {
     pub prior: PriorSpec,
     /// Bounds at which the prior is cut, as in the article's Table 5; none by default.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub truncate: Option<[f64; 2]>,
     /// What others found, to be printed beside the posterior; nothing is inferred from it.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub published: Option<MeanSd>,
 }
 
@@ -84,7 +80,7 @@ pub struct LikelihoodSpec {
     /// Standard deviation of unnamed model errors, as a fraction of each POD coefficient's mean size.
     pub model_error_fraction: f64,
     /// Noise sd of a point in nm, where it is known; it is sampled otherwise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub noise_nm: Option<f64>,
 }
 

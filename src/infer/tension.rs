@@ -7,7 +7,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 use super::prior::Marginal;
 
 /// Mean and covariance of the constants, border units.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Moments {
     pub mean: DVector<f64>,
     pub covariance: DMatrix<f64>,
@@ -44,7 +44,7 @@ impl Moments {
 }
 
 /// Two posteriors of the same constants, from different data and one prior, held against each other as normal densities.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Tension {
     /// For each constant the difference of the posterior means, and its sd if both saw one material, border units.
     pub difference: Vec<[f64; 2]>,
@@ -60,7 +60,7 @@ pub struct Tension {
 }
 
 /// All moduli by one experiment too large by one factor: its force, a thickness, a width, or another batch of the material.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct ExperimentFactor {
     pub percent: f64,
     /// Sds of that from none.

@@ -5,7 +5,7 @@ use nalgebra::Matrix3;
 use super::ply::Ply;
 
 /// An elastic constant of a ply.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Constant {
     E1,
     E2,

@@ -1,12 +1,14 @@
 //! The specimen and its load as the model file declares them.
 
 use serde::{Deserialize, Serialize};
+use serde_with::skip_serializing_none;
 
 use super::ply::Ply;
 use crate::error::{Error, Result};
 use crate::quantity;
 
 /// The `specimen` object of a model file.
+#[skip_serializing_none]
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SpecimenSpec {
@@ -16,19 +18,15 @@ pub struct SpecimenSpec {
     /// Width along direction 2, mm; as the length.
     #[serde(default, skip_serializing_if = "is_zero")]
     pub width_mm: f64,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hole: Option<HoleSpec>,
     /// Ply angles from the loading axis, degrees, counter-clockwise in the data's x-y plane, from one face to the other; none
     /// of an isotropic material.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layup_deg: Option<Vec<f64>>,
     /// Total thickness: mean and sd of its spatial average.
     pub thickness_mm: MeanSd,
     /// A clamped end; without one, both ends carry tractions.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub clamp: Option<ClampSpec>,
     /// Free text, for example which dimensions are assumed.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
 
@@ -67,21 +65,20 @@ impl MeanSd {
 }
 
 /// A clamped end: both displacements are zero along it.
+#[skip_serializing_none]
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ClampSpec {
     /// Which end along direction 1.
     pub end: End,
     /// Width at the clamp, mm, where it is wider than the plate.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub width_mm: Option<f64>,
     /// Radius of the fillets between both widths, mm; they lie within `length_mm`.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fillet_radius_mm: Option<f64>,
 }
 
 /// An end of the plate along direction 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum End {
     /// The end that direction 1 points away from.
@@ -100,7 +97,7 @@ pub struct LoadSpec {
 }
 
 /// How the ply's stiffness is parameterised.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Material {
     /// Plies with E1, E2, nu12, G12.

@@ -77,7 +77,7 @@ impl Membrane {
 
 /// What the bending of a Reissner-Mindlin plate depends on: M = D kappa, Q = S gamma. The coupling B of a stack that is not symmetric is
 /// left out.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct PlateStiffness {
     /// Bending stiffness D, N mm.
     pub bending: Matrix3<f64>,

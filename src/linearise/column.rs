@@ -2,15 +2,16 @@
 
 use nalgebra::DVector;
 
+use serde::{Deserialize, Serialize};
+
 use crate::effect::{EFFECTS, Effect};
-use crate::files::stored;
 use crate::parameter::{Parameter, ParameterKind};
 
 /// Values of both components, step by step, mm.
 pub type StepStack = [DVector<f64>; 2];
 
 /// A parameter of the linearised prediction.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Column {
     /// `E1_GPa`, `thickness_mm`, `load_misalignment.angle_deg`.
     pub name: String,
@@ -28,16 +29,6 @@ pub struct Column {
     /// Change of the values of (u1, u2) for one prior sd, mm.
     pub values: StepStack,
 }
-
-stored!(Column {
-    name,
-    mean,
-    sd,
-    at,
-    positive,
-    product,
-    values
-});
 
 /// Own names of the shifts of a wave in one step, along the data's axes.
 pub(super) const PHASES: [&str; 2] = ["phase_x_px", "phase_y_px"];

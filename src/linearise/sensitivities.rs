@@ -4,14 +4,15 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
+use serde::{Deserialize, Serialize};
+
 use super::column::{Column, StepStack};
 use crate::effect::Effect;
 use crate::experiment::series::Law;
-use crate::files::stored;
 use crate::infer::Known;
 
 /// An effect that the model lacks, or might.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Candidate {
     pub effect: &'static dyn Effect,
     /// How its amplitude goes over the steps of a series, where it is another in each.
@@ -22,7 +23,7 @@ pub struct Candidate {
 }
 
 /// The prediction linearised about a state.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct Sensitivities {
     /// Block averages of (u1, u2) at the prior means of all parameters, by this linearisation, mm.
     pub predicted: StepStack,
@@ -38,21 +39,6 @@ pub struct Sensitivities {
     /// What experiments beside the field say of the constants.
     pub known: Option<Arc<Known>>,
 }
-
-stored!(Candidate {
-    effect,
-    law,
-    columns,
-    scatters
-});
-stored!(Sensitivities {
-    predicted,
-    base,
-    constants,
-    candidates,
-    near_edge,
-    known
-});
 
 impl Sensitivities {
     /// Add what other experiments say to normal equations X'X, X'y of columns that begin with the constants.

@@ -144,7 +144,7 @@ pub(super) fn flat(draft: &Draft, kept: &[u32]) -> Result<Vec<[f64; 2]>> {
 }
 
 /// The sense in which an element is run through.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 enum Sense {
     CounterClockwise,
     Clockwise,

@@ -7,7 +7,7 @@ use super::kind::ElementKind;
 use crate::error::{Error, Result};
 
 /// Where something stands: a file by its index, and its line from 1 on; 0 in a binary file.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct FileSpot {
     pub file: u32,
     pub line: u32,
@@ -49,7 +49,7 @@ pub(super) struct DraftLine {
 }
 
 /// All of it.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Draft {
     pub files: Vec<PathBuf>,
     pub nodes: Vec<DraftNode>,
@@ -90,7 +90,7 @@ impl Draft {
 }
 
 /// Numbers of a file in increasing order, each with its index.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Index(Vec<(u64, u32)>);
 
 impl Index {

@@ -1,7 +1,7 @@
 //! The kinds of elements that are read.
 
 /// Kinds of plane elements.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 pub enum ElementKind {
     /// Linear triangle.
     T3,

@@ -7,7 +7,7 @@ use super::kind::ElementKind;
 use crate::numeric::range;
 
 /// An element: corners counter-clockwise, then the midside nodes of sides 0-1, 1-2, and so on.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, serde::Serialize)]
 pub struct Element {
     pub kind: ElementKind,
     /// Indices of its nodes; places that the kind does not have hold [`Element::NONE`].
@@ -59,7 +59,7 @@ impl Element {
 }
 
 /// A side of an element that lies on the boundary, with the material on its left.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
 pub struct BoundaryEdge {
     /// Index of the element.
     pub element: usize,

@@ -4,23 +4,22 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
+use serde_with::skip_serializing_none;
 
 use super::mesh::{ImportedMesh, named};
 use crate::error::{Error, Result};
 use crate::laminate::Material;
 
 /// What a region of the mesh has in place of the specimen's stack; at least one key is given. The ply is the same everywhere.
+#[skip_serializing_none]
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RegionSpec {
     /// Ply angles in place of the specimen's, as its `layup_deg`: from the loading axis, counter-clockwise in the data's x-y plane.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub layup_deg: Option<Vec<f64>>,
     /// By which these angles, or the specimen's, are turned, counter-clockwise in the data's x-y plane.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rotation_deg: Option<f64>,
     /// Total thickness where the specimen has the mean of its own. What is uncertain of that is a factor common to both.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub thickness_mm: Option<f64>,
 }
 

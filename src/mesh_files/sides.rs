@@ -27,11 +27,11 @@ impl ElementSide {
 }
 
 /// All sides of a mesh, those between the same corners together.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug)]
 pub(super) struct ElementSides(Vec<ElementSide>);
 
 /// Who has a side between two nodes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Owners {
     Nobody,
     /// It lies on the boundary.

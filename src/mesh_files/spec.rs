@@ -26,7 +26,7 @@ pub struct MeshSpec {
     pub mm_per_unit: f64,
     /// The point of the mesh, mm, that lies at `hole_center_in_data_mm` in the data: the centre of the edge `hole` where that is
     /// a circle, or the mesh's own origin.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub origin_mm: Option<[f64; 2]>,
     /// Where the force acts.
     #[serde(rename = "load")]
@@ -88,7 +88,7 @@ pub struct LoadedEdge {
 }
 
 /// How a force is spread over an edge.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Spread {
     /// A uniform traction with the force as its resultant.
@@ -118,7 +118,7 @@ pub struct HeldEdge {
 }
 
 /// An axis of the mesh.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MeshAxis {
     X,

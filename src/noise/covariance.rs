@@ -12,10 +12,11 @@ use faer::{MatMut, MatRef, Par};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::{Error, Result};
 use crate::field::Blocks;
 use crate::field::places::BlockPoints;
-use crate::files::stored;
 use crate::numeric::legendre;
 
 /// Correlation lengths that count as noise, mm, the longest last. A likelihood of white noise raised false alarms in up to 97 % of fields
@@ -210,7 +211,7 @@ fn factorised(mut matrix: DMatrix<f64>) -> Option<DMatrix<f64>> {
 }
 
 /// A factorised covariance of block averages at s = 1.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct BlockCovariance {
     /// Correlation length l, mm.
     pub length_mm: f64,
@@ -221,13 +222,6 @@ pub struct BlockCovariance {
     /// Lower Cholesky factor of C at s = 1.
     lower: DMatrix<f64>,
 }
-
-stored!(BlockCovariance {
-    length_mm,
-    ratio,
-    white,
-    lower
-});
 
 impl BlockCovariance {
     /// Variance of each block average at s = 1.

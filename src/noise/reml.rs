@@ -3,15 +3,16 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use serde::{Deserialize, Serialize};
+
 use super::covariance::{BlockCovariance, discrepancy_lengths_mm};
 use super::normal::NormalEquations;
 use crate::dense::gram;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
-use crate::files::stored;
 
 /// Covariance hyperparameters of one component: C = s^2 [diag(nbar / n_b) + rho Matern(l)].
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct Hyperparameters {
     /// Correlation length l, mm.
     pub length_mm: f64,
@@ -22,13 +23,6 @@ pub struct Hyperparameters {
     /// Restricted log likelihood with s^2 at its maximum; comparable for the same columns.
     pub log_likelihood: f64,
 }
-
-stored!(Hyperparameters {
-    length_mm,
-    ratio,
-    scale2,
-    log_likelihood
-});
 
 impl Hyperparameters {
     /// Whether they describe a smooth discrepancy of the model rather than noise.

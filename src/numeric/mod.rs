@@ -97,17 +97,3 @@ pub fn bisect(mut low: f64, mut high: f64, is_below: impl Fn(f64) -> bool) -> f6
         }
     }
 }
-
-/// Floats written as their bits: infinities survive, and nothing is rounded.
-pub mod bits {
-    use serde::{Deserialize, Deserializer, Serializer};
-
-    pub fn serialize<S: Serializer>(values: &[f64], out: S) -> Result<S::Ok, S::Error> {
-        out.collect_seq(values.iter().map(|v| v.to_bits()))
-    }
-
-    pub fn deserialize<'de, D: Deserializer<'de>>(bits: D) -> Result<Vec<f64>, D::Error> {
-        let bits = Vec::<u64>::deserialize(bits)?;
-        Ok(bits.into_iter().map(f64::from_bits).collect())
-    }
-}

@@ -10,11 +10,12 @@ use std::sync::{Arc, OnceLock};
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
+use serde::{Deserialize, Serialize};
+
 use super::noise_choices::{NoiseChoices, NoisePair, alone, correlated, with_data};
 use crate::dense;
 use crate::error::{Error, Result};
 use crate::field::Blocks;
-use crate::files::{Stored, stored};
 use crate::linearise::{Measured, Sensitivities};
 use crate::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
 use crate::noise::reml::{Contrasts, orthonormal};
@@ -34,14 +35,14 @@ const KEPT: usize = 6;
 const BETWEEN: i32 = 2;
 
 /// Choices for u1 and u2, the likeliest first.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct ComponentNoise {
     choices: [Vec<NoiseChoice>; 2],
     pairs: Vec<NoisePair>,
 }
 
 /// The data and all columns of one component under one choice of its covariance hyperparameters.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct NoiseChoice {
     /// Length, ratio, scale and restricted likelihood.
     at: Hyperparameters,
@@ -55,31 +56,13 @@ struct NoiseChoice {
     scale2: f64,
     /// Number of values.
     values: usize,
+    #[serde(skip)]
     factor: KnownFactor,
 }
 
 /// The factorised covariance of a choice at unit scale, once it was asked for; it is not kept in files.
 #[derive(Debug, Clone, Default)]
 struct KnownFactor(OnceLock<Arc<BlockCovariance>>);
-
-impl Stored for KnownFactor {
-    fn put(&self, _: &mut Vec<u8>) {}
-
-    fn take(_: &mut &[u8]) -> Option<Self> {
-        Some(Self::default())
-    }
-}
-
-stored!(ComponentNoise { choices, pairs });
-stored!(NoiseChoice {
-    at,
-    log_det,
-    gram,
-    beyond_rival,
-    scale2,
-    values,
-    factor
-});
 
 impl NoiseChoice {
     fn factor(&self, blocks: &Blocks) -> Result<Arc<BlockCovariance>> {

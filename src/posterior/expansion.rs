@@ -2,11 +2,12 @@
 
 use rayon::prelude::*;
 
+use serde::{Deserialize, Serialize};
+
 use super::ratios::Ratios;
 use super::surface::{BlockSnapshots, MeanSurface};
 use crate::error::{Error, Result};
 use crate::experiment::series::SeriesState;
-use crate::files::stored;
 use crate::infer::EffectUnderLaw;
 use crate::linearise::{CandidateColumns, Forward, Sensitivities, StepStack};
 use crate::reduce::latin_hypercube;
@@ -14,6 +15,7 @@ use crate::reduce::latin_hypercube;
 /// The test linearised about a point and, for every coordinate of the constants, about the point with that raised; with all
 /// effects there too. Their fields are small, but an amplitude of what can be told from none of the load's scale (the sensitivity of both
 /// components) is as good as one of the load, and follows the constants as the load does.
+#[derive(Serialize, Deserialize)]
 pub struct TestExpansion {
     pub here: Sensitivities,
     /// The same on the mesh of the raised ones, of which only differences to it are taken.
@@ -23,14 +25,6 @@ pub struct TestExpansion {
     pub by: Vec<f64>,
     pub surface: MeanSurface,
 }
-
-stored!(TestExpansion {
-    here,
-    about,
-    raised,
-    by,
-    surface
-});
 
 /// The point about which a test is expanded, and how far.
 pub struct About<'a> {

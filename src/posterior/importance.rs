@@ -13,7 +13,7 @@ use super::posed::Posed;
 use super::space::{linear, stacked};
 use crate::diagnose::weigh;
 use crate::error::Result;
-use crate::files::{Keyed, stored};
+use crate::files::Keyed;
 use crate::linearise::{Column, Sensitivities, StepStack};
 use crate::quantity::NM_PER_MM;
 
@@ -38,17 +38,6 @@ pub struct Importance {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mesh_error: Option<f64>,
 }
-
-stored!(Importance {
-    draws,
-    impossible,
-    effective,
-    shift_sd,
-    shift_error_sd,
-    corrected,
-    field_nm,
-    mesh_error
-});
 
 /// Errors of a shift beyond which the draws are moved by it, and posterior sds beyond which one Newton step no longer says how far.
 const ERRORS: f64 = 2.0;

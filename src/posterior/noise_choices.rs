@@ -4,15 +4,16 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
+use serde::{Deserialize, Serialize};
+
 use crate::error::Result;
 use crate::field::Blocks;
-use crate::files::stored;
 use crate::linearise::{Measured, Sensitivities};
 use crate::noise::Hyperparameters;
 use crate::noise::series::SeriesNoise;
 
 /// A choice of the noise of both components.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub struct NoisePair {
     /// Indices into the choices of either component; of noise that frames measure, twice the same.
     pub of: [usize; 2],
@@ -21,12 +22,6 @@ pub struct NoisePair {
     /// Whether either is a discrepancy.
     pub discrepancy: bool,
 }
-
-stored!(NoisePair {
-    of,
-    log_prior,
-    discrepancy
-});
 
 /// The choices that are worth weighing, with the data and all columns under each. Whether one field has them for each component or the
 /// frames of a series have measured them, nobody else knows.

@@ -1,11 +1,12 @@
 //! The point about which a test is linearised.
 
+use serde::{Deserialize, Serialize};
+
 use crate::experiment::series::SeriesState;
-use crate::files::stored;
 use crate::infer::EffectUnderLaw;
 
 /// The point about which a test was linearised, and what was sought there.
-#[derive(Clone)]
+#[derive(Clone, Serialize, Deserialize)]
 pub struct LinearisationPoint {
     /// Constants, thickness, effects that act, border units, with every step's own.
     pub state: SeriesState,
@@ -13,9 +14,3 @@ pub struct LinearisationPoint {
     pub declared: Vec<EffectUnderLaw>,
     pub sought: Vec<EffectUnderLaw>,
 }
-
-stored!(LinearisationPoint {
-    state,
-    declared,
-    sought
-});

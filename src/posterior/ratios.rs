@@ -1,17 +1,15 @@
 //! The coordinates of the constants in which a field under a prescribed force is simple.
 
-use crate::files::stored;
+use serde::{Deserialize, Serialize};
 
 /// A field under a prescribed force is 1 / E1 times a function of the moduli's ratios and of Poisson's ratio. The coordinates of some constants
 /// say how these differ from those they are `about`: E1(about) / E1 - 1, then the differences of ln E2/E1, nu12 and ln G12/E1; of an isotropic
 /// material that of nu. With plain ratios in place of their logarithms the surfaces of a unidirectional laminate 30 degrees off its axis
 /// were 57 noise norms off in place of 0.3.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Ratios {
     about: Vec<f64>,
 }
-
-stored!(Ratios { about });
 
 /// Index of Poisson's ratio of a ply.
 const NU12: usize = 2;

@@ -3,15 +3,16 @@
 use faer::Mat;
 use nalgebra::{DMatrix, DVector};
 
+use serde::{Deserialize, Serialize};
+
 use super::ratios::Ratios;
 use crate::error::{Error, Result};
-use crate::files::stored;
 use crate::linearise::StepStack;
 use crate::reduce::{exponents, monomial, pod};
 
 /// The change of the mean from where all coordinates are zero: modes with coefficients of (1 + x_0) times polynomials of the ratios, and of what
 /// does not go with the load, which follows them linearly.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct MeanSurface {
     pub ratios: Ratios,
     /// Exponents of the monomials in the ratios.
@@ -25,15 +26,6 @@ pub struct MeanSurface {
     /// Block averages of (u1, u2), values x modes: orthonormal, both components together.
     pub modes: [DMatrix<f64>; 2],
 }
-
-stored!(MeanSurface {
-    ratios,
-    exponents,
-    half,
-    coefficients,
-    origin,
-    modes
-});
 
 /// What was solved for: coordinates of the constants, and what is seen there, mm.
 pub struct BlockSnapshots {

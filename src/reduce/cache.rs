@@ -1,28 +1,24 @@
 //! Reduced models on disk, by the hash of what determines them.
 
 use std::fs::{File, TryLockError};
-use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
 use super::model::ReducedModel;
 use super::problem::Problem;
 use super::snapshots::{Snapshots, design};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::experiment::State;
-use crate::files::hex;
+use crate::files::{self, hex};
 use crate::progress::Progress;
 
 /// Raised whenever the code changes what a reduced model of the same problem is.
-const FORMAT: u32 = 10;
+const FORMAT: u32 = 11;
 
-/// What a file of the cache holds below a first line with the SHA-256 of the rest.
-#[derive(Serialize, Deserialize)]
-struct StoredModel {
-    key: String,
-    model: ReducedModel,
+/// How the file of a key begins.
+fn format(key: &str) -> String {
+    format!("plychain-reduced/{FORMAT} {key}")
 }
 
 /// Hash of everything that determines a reduced model (hexadecimal SHA-256).
@@ -47,7 +43,7 @@ pub fn obtain(
     progress: &dyn Progress,
 ) -> Result<(ReducedModel, bool)> {
     let key = key(problem);
-    let path = directory.join(format!("{key}.json"));
+    let path = directory.join(&key);
     let given = problem.given();
     let design = given.map_or_else(|| design(problem), |given| given.rows.to_vec());
     let states: Vec<State> = design.iter().map(|point| problem.state(point)).collect();
@@ -72,13 +68,12 @@ pub fn obtain(
     progress.end();
     progress.begin("modes and response surfaces", None);
     let model = ReducedModel::build(problem, &snapshots)?;
-    let stored = StoredModel { key, model };
     // A cache that cannot be written costs time, not correctness.
-    if let Err(e) = write(&path, &stored) {
+    if let Err(e) = write(&path, &key, &model) {
         progress.say(&format!("not cached ({e})"));
     }
     progress.end();
-    Ok((stored.model, false))
+    Ok((model, false))
 }
 
 /// Held while a reduced model is built, so that of several processes one builds it and the others wait. The system lets go of
@@ -111,35 +106,13 @@ impl Drop for Lock {
     }
 }
 
-fn read(path: &PathBuf, key: &str) -> Option<ReducedModel> {
-    let bytes = std::fs::read(path).ok()?;
-    let (hash, text) = bytes.split_at_checked(64)?;
-    if hex(&Sha256::digest(text)).as_bytes() != hash {
-        return None;
-    }
-    let stored: StoredModel = serde_json::from_slice(text).ok()?;
-    (stored.key == key && stored.model.is_consistent()).then_some(stored.model)
+fn read(path: &Path, key: &str) -> Option<ReducedModel> {
+    files::unsealed(&format(key), &std::fs::read(path).ok()?)
 }
 
-/// Write under another name first, so that a reader never sees half a file.
-fn write(path: &Path, stored: &StoredModel) -> Result<()> {
-    let fail =
-        |e: &dyn std::fmt::Display| Error::unwritable(path.display(), "a writable cache").found(e);
+fn write(path: &Path, key: &str, model: &ReducedModel) -> Result<()> {
     if let Some(directory) = path.parent() {
-        std::fs::create_dir_all(directory).map_err(|e| fail(&e))?;
+        files::make_folder(directory)?;
     }
-    let partial = path.with_extension(format!("{}.partial", std::process::id()));
-    let mut text = vec![b'\n'];
-    serde_json::to_writer(&mut text, stored).map_err(|e| fail(&e))?;
-    std::fs::File::create(&partial)
-        .and_then(|mut file| {
-            file.write_all(hex(&Sha256::digest(&text)).as_bytes())?;
-            file.write_all(&text)
-        })
-        .and_then(|()| std::fs::rename(&partial, path))
-        .map_err(|e| {
-            // What could not be moved is of no use to anybody.
-            let _ = std::fs::remove_file(&partial);
-            fail(&e)
-        })
+    files::replace(path, files::sealed(&format(key), model)?)
 }

@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::pod::Pod;
 
 /// CV_RMS of one displacement component for K = 1, 2, ... modes.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct CrossValidation {
     /// Root mean square, over the snapshots left out, of the largest absolute field error, mm.
     pub mm: Vec<f64>,

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 pub const THICKNESS: &str = "thickness_mm";
 
 /// One side of the DoE box, in border units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct Dimension {
     /// Name with its unit (`E1_GPa`, `thickness_mm`, `load_misalignment.angle_deg`).
     pub name: String,

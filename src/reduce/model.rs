@@ -123,22 +123,6 @@ impl ReducedModel {
         }
         field
     }
-
-    /// Whether the sizes of a model read from a file fit together.
-    pub fn is_consistent(&self) -> bool {
-        let points = self.points();
-        let k = self.modes_per_component();
-        let surface = &self.surface;
-        self.modes
-            .iter()
-            .all(|m| m.len() == k && m.iter().all(|mode| mode.len() == points))
-            && surface.coefficients.len() == 2 * k
-            && surface.quality.len() == 2 * k
-            && surface
-                .coefficients
-                .iter()
-                .all(|c| c.len() == surface.exponents.len())
-    }
 }
 
 fn fit(

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize, Serializer};
 use super::cross::CrossValidation;
 
 /// The `modes` key of a model file.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Modes {
     /// This many for each component; 4 is the article's setting.
     Count(usize),

@@ -8,7 +8,7 @@ use faer::{Mat, Par};
 use crate::error::{Error, Result};
 
 /// POD of a snapshot matrix (n x N): X = modes diag(singular) right^T.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Pod {
     /// Orthonormal modes, n x r with r at most N.
     pub modes: Mat<f64>,

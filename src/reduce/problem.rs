@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use serde::de::IgnoredAny;
 use serde::{Deserialize, Serialize};
+use serde_with::skip_serializing_none;
 
 use super::design::{Dimension, enough_samples};
 use super::modes::Modes;
@@ -13,6 +14,7 @@ use crate::experiment::{FieldSolver, Given, State};
 use crate::laminate::Material;
 
 /// The `reduced_model` object of a model file.
+#[skip_serializing_none]
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct ReducedSpec {
@@ -22,7 +24,6 @@ pub struct ReducedSpec {
     /// Total degree of the response surfaces.
     pub degree: usize,
     /// Bounds by parameter name, in place of those that follow from the priors.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub doe: Option<std::collections::BTreeMap<String, [f64; 2]>>,
     /// What earlier versions compared a build with: read, and without effect.
     #[serde(default, skip_serializing)]
@@ -33,7 +34,7 @@ pub struct ReducedSpec {
 }
 
 /// Where the snapshots come from.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum SnapshotsSpec {
     /// So many of the own finite elements.

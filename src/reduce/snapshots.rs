@@ -96,14 +96,10 @@ impl Snapshots {
             } else {
                 RigidMotion::NONE
             };
-            let still = |points: &[[f64; 2]], u: &[[f64; 2]]| -> Vec<[f64; 2]> {
-                let left = |(&p, u): (&[f64; 2], &[f64; 2])| {
-                    let m = motion.at(p);
-                    [u[0] - m[0], u[1] - m[1]]
-                };
-                points.iter().zip(u).map(left).collect()
-            };
-            [still(support.points(), u), still(lattice.points(), &seen)]
+            [
+                motion.removed(support.points(), u),
+                motion.removed(lattice.points(), &seen),
+            ]
         };
         let gauged: Vec<[Vec<[f64; 2]>; 2]> = solutions.par_iter().map(gauged).collect();
         let matrix = |of: usize, c: usize| {

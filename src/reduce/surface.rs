@@ -21,7 +21,7 @@ pub struct Surface {
 }
 
 /// Error measures of one response surface (Gogu et al. 2013, Tables 9 and 10), mm but for R^2.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Quality {
     /// Mean of the coefficient over the design.
     pub mean: f64,

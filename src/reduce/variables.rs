@@ -8,7 +8,7 @@ use crate::experiment::load_response;
 use crate::laminate::Material;
 
 /// Which variables a surface is a polynomial of.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Choice {
     /// Every parameter as it is, the thickness among them (the article's).

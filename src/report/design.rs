@@ -50,7 +50,7 @@ pub struct HiddenReport {
     /// What it does to the constants, percent.
     pub bias_percent: Keyed<f64>,
     /// The amplitude that the residual would show; none where it never does.
-    pub detectable: Option<f64>,
+    pub detectable: f64,
     /// By how many sds the field then disagrees with frequencies, by experiment.
     pub disagreement_sd: Keyed<f64>,
 }
@@ -136,7 +136,7 @@ impl DesignReport {
                     parameter: hidden.parameter.clone(),
                     plausible: hidden.plausible,
                     bias_percent: constants.keyed(|k| hidden.shift[k] * constants.percent(k)),
-                    detectable: super::json::finite(hidden.detectable),
+                    detectable: hidden.detectable,
                     disagreement_sd: apart.collect(),
                 }
             })

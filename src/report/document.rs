@@ -21,7 +21,7 @@ use crate::trace::{Conclusion, Interval};
 pub const SCHEMA: &str = "plychain-report/1";
 
 /// What a run found. Numbers that can be infinite or NaN are options: JSON has `null` for them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Report {
     pub schema: String,
     pub model: String,
@@ -29,7 +29,7 @@ pub struct Report {
     /// One identification of `identify`; those of a loop in order, the first of the model as it was given.
     pub rounds: Vec<RoundReport>,
     /// All experiments, where the model has several.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub together: Option<TogetherReport>,
     /// The model file as it was given.
     #[serde(default)]
@@ -43,15 +43,13 @@ pub struct Report {
 }
 
 /// What a loop adds to its rounds.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Closing {
     /// The constants averaged over what may act unseen.
     pub averaged_posterior: Keyed<Interval>,
     /// How those were sampled, where they were.
-    #[serde(default)]
     pub quoted: Option<QuotedReport>,
     /// Why that is wider, or narrower, than the posterior of the model alone.
-    #[serde(default)]
     pub averaged_note: Option<String>,
     /// What could hide in the last residual.
     pub blind_spots: Vec<BlindSpotReport>,

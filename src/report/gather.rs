@@ -102,7 +102,7 @@ fn held_out(step: HeldOutStep) -> HeldOutReport {
     HeldOutReport {
         rms_nm: step.bare_nm.into(),
         explained_rms_nm: step.explained_nm.into(),
-        z: finite(step.z),
+        z: step.z,
     }
 }
 
@@ -136,10 +136,10 @@ fn summary(model: &Model, row: &crate::diagnose::Row) -> (String, PosteriorSumma
         low: row.low,
         median: row.median,
         high: row.high,
-        mcse_mean: finite(row.mcse_mean),
-        rhat: finite(row.rhat),
-        ess_bulk: finite(row.ess_bulk),
-        ess_tail: finite(row.ess_tail),
+        mcse_mean: row.mcse_mean,
+        rhat: row.rhat,
+        ess_bulk: row.ess_bulk,
+        ess_tail: row.ess_tail,
         published: MeanAndSd::published(&model.file.material, &row.name),
     };
     (row.name.clone(), summary)
@@ -185,10 +185,10 @@ fn convergence(round: &Identification) -> Convergence {
         Stopped::Interrupted => "--time-limit was reached",
     };
     Convergence {
-        rhat_max: finite(verdict.rhat_max()),
-        ess_bulk_min: finite(verdict.ess_bulk_min()),
-        ess_tail_min: finite(verdict.ess_tail_min()),
-        tau_max: finite(verdict.tau_max()),
+        rhat_max: verdict.rhat_max(),
+        ess_bulk_min: verdict.ess_bulk_min(),
+        ess_tail_min: verdict.ess_tail_min(),
+        tau_max: verdict.tau_max(),
         converged: verdict.converged,
         text: verdict.line(),
         warmup_steps,
@@ -259,7 +259,7 @@ fn before_after(first: &Round, last: &Round) -> BeforeAfter {
         let shifted = Shifted {
             mean: [before.mean, after.mean],
             sd: [before.sd, after.sd],
-            shift_in_sd: finite((after.mean - before.mean) / before.sd),
+            shift_in_sd: (after.mean - before.mean) / before.sd,
             from_prior_in_prior_sd: [(first, before.mean), (last, after.mean)]
                 .map(|(round, mean)| from_prior(round, name, mean)),
         };

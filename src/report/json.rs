@@ -54,6 +54,16 @@ pub(super) fn part<'de, D: Deserializer<'de>, T: DeserializeOwned>(
     read.map(Some).map_err(D::Error::custom)
 }
 
+/// A number that JSON has as `null`, since it has neither infinity nor NaN.
+pub(super) fn or_nan<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<f64, D::Error> {
+    Option::deserialize(from).map(|number| number.unwrap_or(f64::NAN))
+}
+
+/// What stands for a number that an earlier version did not write.
+pub(super) fn nan() -> f64 {
+    f64::NAN
+}
+
 /// A number for JSON, which has neither infinity nor NaN.
 pub(super) fn finite(x: f64) -> Option<f64> {
     x.is_finite().then_some(x)

@@ -9,7 +9,7 @@ use crate::parameter::{Parameter, is_modulus};
 use crate::section::TableCell;
 
 /// What the data added to the prior of a constant.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Learned {
     /// Mean and sd of the prior, border units.
     pub prior: MeanAndSd,

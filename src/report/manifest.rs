@@ -14,7 +14,7 @@ use crate::parameter::Parameter;
 use crate::progress::StageCost;
 
 /// `run.json` of a finished run.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Manifest {
     pub program: String,
     pub version: String,
@@ -44,20 +44,25 @@ impl Manifest {
 }
 
 /// `truth.json` beside simulated data, which other programs may have written: what it does not say is not known.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct KnownTruth(Value);
 
 impl KnownTruth {
-    /// What `truth.json` in a folder says; `None` if there is none.
+    /// What `truth.json` in a folder says; nothing if there is none.
     ///
     /// # Errors
     /// The input's fault, with the file, if it is no JSON.
-    pub fn load(folder: &Path) -> Result<Option<Self>> {
-        if !folder.join("truth.json").is_file() {
-            return Ok(None);
+    pub fn load(folder: &Path) -> Result<Self> {
+        match folder.join("truth.json").is_file() {
+            true => load(folder, "truth.json"),
+            false => Ok(Self::default()),
         }
-        load(folder, "truth.json").map(Some)
+    }
+
+    /// Whether nothing is known.
+    pub fn is_empty(&self) -> bool {
+        self.0.is_null()
     }
 
     /// The true value of a constant or of an effect's amplitude (`effect.parameter`; 0 if the effect did not act).

@@ -11,12 +11,12 @@ use crate::identify::Identification;
 use crate::section::{Digits, TableCell};
 use crate::trace::{Closed, ToQuote};
 
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Page {
     pub report: Report,
     pub manifest: Manifest,
     /// `truth.json` of simulated data.
-    pub truth: Option<KnownTruth>,
+    pub truth: KnownTruth,
     /// What figures are drawn from beside the report, by round.
     pub figures: Vec<FigureData>,
     /// The same of the posterior to quote, where it was sampled.
@@ -47,10 +47,9 @@ impl Page {
         rounds: &[Identification],
         report: Report,
         manifest: Manifest,
-        truth: Option<KnownTruth>,
+        truth: KnownTruth,
     ) -> Self {
-        let known = truth.as_ref();
-        let figures = rounds.iter().map(|r| FigureData::gather(r, known));
+        let figures = rounds.iter().map(|r| FigureData::gather(r, &truth));
         Self {
             figures: of_rounds(figures),
             quoted: FigureData::default(),
@@ -61,21 +60,15 @@ impl Page {
     }
 
     /// A page of the rounds of a loop, which `report` is of.
-    pub fn closed(
-        closed: &Closed,
-        report: Report,
-        manifest: Manifest,
-        truth: Option<KnownTruth>,
-    ) -> Self {
-        let known = truth.as_ref();
-        let figures = closed.rounds.iter().map(|r| FigureData::traced(r, known));
+    pub fn closed(closed: &Closed, report: Report, manifest: Manifest, truth: KnownTruth) -> Self {
+        let figures = closed.rounds.iter().map(|r| FigureData::traced(r, &truth));
         let summary = report.closing.as_ref().and_then(|c| c.quoted.as_ref());
         let sampled = match &closed.to_quote {
             ToQuote::Sampled(sampled) => Some(sampled),
             ToQuote::ClosedForm(_) => None,
         };
         let quoted = sampled.zip(summary).map(|(sampled, summary)| {
-            FigureData::quoted(&sampled.draws, &summary.leading(AXES), known).rounded()
+            FigureData::quoted(&sampled.draws, &summary.leading(AXES), &truth).rounded()
         });
         Self {
             figures: of_rounds(figures),
@@ -121,7 +114,7 @@ impl Page {
 
     /// The true value of a parameter, if it is known.
     pub fn true_value(&self, name: &str) -> Option<f64> {
-        self.truth.as_ref().and_then(|t| t.of(name))
+        self.truth.of(name)
     }
 
     pub fn truth_cell(&self, name: &str) -> TableCell {
@@ -137,7 +130,7 @@ impl Page {
             .parameters
             .iter()
             .find(|p| p.parameter == name)?;
-        Some([line.prior_mean?, line.prior_sd?])
+        Some([line.prior_mean, line.prior_sd]).filter(|[mean, _]| mean.is_finite())
     }
 
     /// How far a parameter's posterior mean lies from its prior's in round `k`, prior sds.
@@ -157,7 +150,7 @@ impl Page {
                     mean,
                     low,
                     high,
-                    truth: self.true_value(name),
+                    truth: self.true_value(name).unwrap_or(f64::NAN),
                 });
             };
             if let Some([m, s]) = self.prior(0, name) {

@@ -30,8 +30,8 @@ impl Page {
                 files::replace(&path.with_extension("png"), figures::png(figure)?)?;
             }
         }
-        if let Some(truth) = &self.truth {
-            files::write_json(&folder.join("truth.json"), truth)?;
+        if !self.truth.is_empty() {
+            files::write_json(&folder.join("truth.json"), &self.truth)?;
         }
         let path = folder.join("report.html");
         files::replace(&path, html(&run::document(self), &figures))

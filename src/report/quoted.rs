@@ -11,7 +11,7 @@ use crate::posterior::importance::FAR;
 use crate::trace::{Closed, Interval, Proposals, ToQuote, closed_forms};
 
 /// What was sampled for the quoted constants; its draws are `averaged/chain.zarr`.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct QuotedReport {
     /// One answer, or the three that the quoted intervals span.
     pub answers: Vec<QuotedAnswer>,
@@ -24,7 +24,7 @@ pub struct QuotedReport {
     pub sources: Vec<WidthSource>,
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct QuotedAnswer {
     /// `small`, `all` or `none`: how large effects are that are not declared.
     pub name: String,
@@ -35,14 +35,14 @@ pub struct QuotedAnswer {
     /// Whether the chains have converged, in words.
     pub convergence: String,
     /// How independent proposals fared, where the chains are of such.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub proposals: Option<Proposals>,
     /// How the draws fare under the full nonlinear model.
     pub full_model: Importance,
 }
 
 /// A constant of an answer that is not what the closed form makes of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct ClosedFormDifference {
     pub answer: String,
     pub constant: String,
@@ -53,7 +53,7 @@ pub struct ClosedFormDifference {
 }
 
 /// Something that stands in for a constant, or against it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Trade {
     pub constant: String,
     pub with: String,

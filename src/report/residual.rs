@@ -6,7 +6,7 @@ use crate::field::Rejected;
 use crate::identify::Patterns;
 
 /// A quantity of each displacement component.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct ByComponent<T> {
     pub u1: T,
     pub u2: T,
@@ -19,7 +19,7 @@ impl<T> From<[T; 2]> for ByComponent<T> {
 }
 
 /// What the posterior mean leaves unexplained.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct ResidualReport {
     pub rms_nm: RmsReport,
     /// Standard deviation of the noise at a point.
@@ -33,12 +33,12 @@ pub struct ResidualReport {
     /// Number of independent values of both components that they count as.
     pub n_eff: f64,
     /// RMS error of held-out block averages, where the residual was traced.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub holdout_rms_nm: Option<f64>,
 }
 
 /// Root mean squares, nm.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct RmsReport {
     pub u1: f64,
     pub u2: f64,
@@ -46,7 +46,7 @@ pub struct RmsReport {
 }
 
 /// The measurement's noise.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct NoiseReport {
     pub u1: NoiseComponent,
     pub u2: NoiseComponent,
@@ -57,7 +57,7 @@ pub struct NoiseReport {
 }
 
 /// Noise of one component: standard deviations, and the length of the correlated part.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct NoiseComponent {
     /// Of the white part, from neighbouring points.
     pub white_nm: f64,

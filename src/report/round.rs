@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Deserializer, Serialize};
 
-use super::json::{Keyed, part};
+use super::json::{Keyed, or_nan, part};
 use super::residual::{NoiseReport, ResidualReport};
 use super::steps::{LinearityReport, StepReport};
 use super::surrogate::SurrogateReport;
@@ -14,7 +14,7 @@ use crate::posterior::Importance;
 pub use crate::quantity::MeanAndSd;
 
 /// One identification, and in a loop what its residual was traced to.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct RoundReport {
     pub effects_declared: Vec<String>,
     /// Every sampled parameter: constants, amplitudes of mechanical effects (`effect.parameter`), the noise.
@@ -40,7 +40,7 @@ pub struct RoundReport {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub steps: Vec<StepReport>,
     /// Whether they are proportional to the load.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub linearity: Option<LinearityReport>,
     #[serde(flatten, deserialize_with = "tracing")]
     pub tracing: Option<TracingReport>,
@@ -75,7 +75,7 @@ impl RoundReport {
 }
 
 /// The marginal posterior of one parameter, border units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct PosteriorSummary {
     pub mean: f64,
     pub sd: f64,
@@ -84,12 +84,16 @@ pub struct PosteriorSummary {
     pub median: f64,
     #[serde(rename = "q97.5")]
     pub high: f64,
-    pub mcse_mean: Option<f64>,
-    pub rhat: Option<f64>,
-    pub ess_bulk: Option<f64>,
-    pub ess_tail: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub mcse_mean: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub rhat: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub ess_bulk: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub ess_tail: f64,
     /// What the model says that others found.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub published: Option<MeanAndSd>,
 }
 
@@ -101,7 +105,7 @@ impl MeanAndSd {
     }
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Correlation {
     pub names: Vec<String>,
     /// Row by row; `null` for a parameter that does not vary.
@@ -109,12 +113,16 @@ pub struct Correlation {
 }
 
 /// What the chains are worth. Times count stored draws.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Convergence {
-    pub rhat_max: Option<f64>,
-    pub ess_bulk_min: Option<f64>,
-    pub ess_tail_min: Option<f64>,
-    pub tau_max: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub rhat_max: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub ess_bulk_min: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub ess_tail_min: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub tau_max: f64,
     /// Whether every parameter satisfies the rule.
     pub converged: bool,
     /// The verdict on the chains in one line.

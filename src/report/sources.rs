@@ -10,7 +10,7 @@ use crate::parameter::{Parameter, ParameterKind};
 use crate::section::{Piece, Table, TableCell, row};
 
 /// Something that is not known, and what that costs.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct WidthSource {
     /// An effect, `thickness_mm`, `forces`, `answer`; `rest`: the noise of the measurement, and all that goes with no variable.
     pub source: String,

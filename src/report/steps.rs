@@ -2,13 +2,14 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::json::or_nan;
 use super::residual::ByComponent;
 use crate::quantity::chance;
 use crate::section::{Table, TableCell, row};
 use crate::trace::NOT_LINEAR;
 
 /// One step of a load series; the numbers of what is left are root mean squares of block averages.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct StepReport {
     pub name: String,
     /// Force over the nominal one, as declared or as the size of the field has it.
@@ -21,24 +22,25 @@ pub struct StepReport {
     /// Noise of the step over the steps' typical one.
     pub noise_scale: f64,
     /// The step as the others predict it, where enough steps know the noise.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub held_out: Option<HeldOutReport>,
 }
 
 /// Prediction of a step by a model that was fitted to all other steps; the step's own motion in the plane, a force that is not known, and
 /// free amplitudes are fitted to itself.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct HeldOutReport {
     /// Error of the declared model.
     pub rms_nm: ByComponent<f64>,
     /// With the effects that tracing found.
     pub explained_rms_nm: ByComponent<f64>,
     /// By how many sds the step's misfit is larger than the declared model expects.
-    pub z: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub z: f64,
 }
 
 /// The test of a response that is proportional to the load, apart from motion and from what is common to all steps.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct LinearityReport {
     /// Mean square of what goes as the load's square over that of what goes by no law.
     pub ratio: f64,
@@ -94,7 +96,7 @@ pub fn table(first: &[StepReport], last: &[StepReport]) -> Table {
             true => format!("{:.3}", a.load),
             false => format!("{:.3}?", a.load),
         };
-        let z = TableCell::signed(after.and_then(|h| h.z), 1);
+        let z = TableCell::signed(after.map(|h| h.z), 1);
         let end = [z, TableCell::fixed(a.noise_scale, 2)];
         let cells = [load.into()].into_iter().chain(left.into_iter().flatten());
         row(&a.name, cells.chain(end))

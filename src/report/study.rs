@@ -5,6 +5,7 @@ use std::path::Path;
 use indexmap::IndexMap;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
+use serde_with::skip_serializing_none;
 
 use super::figures::{Figure, Palette, PixelPicture, Scale, posterior_corner};
 use super::html::html;
@@ -35,7 +36,7 @@ pub struct StudyReport {
     pub exact: Exact,
     pub experiments: Vec<Value>,
     /// The experiments beside each other, where there are several.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub together: Option<TogetherReport>,
     #[serde(skip)]
     pub sections: Vec<ExperimentSection>,
@@ -43,6 +44,7 @@ pub struct StudyReport {
 }
 
 /// A parameter, in the unit of its name.
+#[skip_serializing_none]
 #[derive(Debug, Serialize, Deserialize)]
 pub struct ParameterFound {
     pub mean: f64,
@@ -53,13 +55,10 @@ pub struct ParameterFound {
     pub rhat: f64,
     pub ess_bulk: f64,
     /// Posterior over prior variance, what the data leave of it; of constants alone.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub variance_left: Option<f64>,
     /// What the data added to the prior; of constants alone.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub learned: Option<Learned>,
     /// What the model says that others found.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub published: Option<MeanAndSd>,
 }
 
@@ -172,8 +171,8 @@ impl StudyReport {
             name,
             found: (r.mean, r.sd).into(),
             quantiles: [r.low, r.median, r.high],
-            rhat: Some(r.rhat),
-            ess_bulk: Some(r.ess_bulk),
+            rhat: r.rhat,
+            ess_bulk: r.ess_bulk,
             learned: r.learned,
             published: r.published,
         });
@@ -185,7 +184,7 @@ impl StudyReport {
 ///
 /// # Errors
 /// The program's fault if a figure cannot be drawn.
-pub fn page(report: &StudyReport, draws: &Draws, truth: Option<&KnownTruth>) -> Result<String> {
+pub fn page(report: &StudyReport, draws: &Draws, truth: &KnownTruth) -> Result<String> {
     let names: Vec<String> = report.posterior.keys().cloned().collect();
     let corner = posterior_corner(&FigureData::quoted(draws, &names, truth))?;
     let mut figures: Vec<Figure> = corner.into_iter().map(|f| f.called("corner")).collect();

@@ -6,7 +6,7 @@ use super::json::Keyed;
 use crate::reduce::Choice;
 
 /// The reduced model: what it is made of.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct SurrogateReport {
     /// Whether the snapshots are another program's: what stands for the finite elements then are surfaces through them of more modes.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]

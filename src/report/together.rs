@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::json::{Keyed, finite};
+use super::json::{Keyed, or_nan};
 use super::round::MeanAndSd;
 use crate::infer::{Moments, Tension};
 use crate::quantity::chance;
@@ -11,7 +11,7 @@ use crate::section::{Piece, Section, Table, TableCell, row};
 use crate::study::{ClosedStudy, Disagreement, ExperimentSection, PairTension};
 
 /// What several experiments say alone, and how far they disagree.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct TogetherReport {
     /// The constants by the first experiment alone, with the effects that its model declares, and by all others together.
     pub field_alone: Keyed<MeanAndSd>,
@@ -19,7 +19,7 @@ pub struct TogetherReport {
     /// The disagreement of these two.
     pub tension: Option<TensionReport>,
     /// The same with the effects that a loop found, and a little of all others.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub tension_after: Option<TensionReport>,
     /// The constants by each experiment alone.
     #[serde(default)]
@@ -41,7 +41,7 @@ pub struct TogetherReport {
 }
 
 /// How far two posteriors of one material disagree.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct TensionReport {
     /// Difference of the posterior means, the first less the second, and its sd if both saw one material.
     pub difference: Keyed<MeanAndSd>,
@@ -51,7 +51,8 @@ pub struct TensionReport {
     /// Probability of as much by chance.
     pub p: f64,
     /// For one material against one for each experiment.
-    pub log_bayes_factor: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub log_bayes_factor: f64,
     /// All moduli by the first too large by so much, and the log Bayes factor for that against no such error.
     #[serde(default)]
     pub factor_percent: f64,
@@ -71,7 +72,7 @@ impl TensionReport {
             chi2: tension.chi2,
             directions: tension.directions,
             p: tension.p,
-            log_bayes_factor: finite(tension.log_bayes_factor),
+            log_bayes_factor: tension.log_bayes_factor,
             factor_percent: tension.factor.percent,
             factor_log_bayes_factor: tension.factor.log_bayes_factor,
             contradicts: tension.contradicts(),
@@ -79,9 +80,10 @@ impl TensionReport {
     }
 
     fn words(&self) -> String {
-        let bayes = self.log_bayes_factor.map_or(String::new(), |b| {
-            format!("; log Bayes factor {b:+.1} for one material")
-        });
+        let bayes = match self.log_bayes_factor {
+            b if b.is_finite() => format!("; log Bayes factor {b:+.1} for one material"),
+            _ => String::new(),
+        };
         let figures = format!(
             "chi2 {:.1} in {} directions, {}{bayes}",
             self.chi2,
@@ -99,7 +101,7 @@ impl TensionReport {
 }
 
 /// How far an experiment disagrees with another.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct PairReport {
     pub first: String,
     /// None for all others together.

@@ -22,7 +22,7 @@ pub fn tracing(tracing: &Tracing) -> TracingReport {
             .map(|a| a.effect.name().into())
             .collect(),
         undecided: map(&tracing.undecided, |g| texts(g)),
-        discrepancy_probability: finite(tracing.discrepancy),
+        discrepancy_probability: tracing.discrepancy,
         averaged_posterior: tracing.averaged.clone(),
         left_out: map(&tracing.left_out, |(effect, reason)| LeftOut {
             effect: (*effect).into(),
@@ -60,16 +60,16 @@ fn candidate(found: &Finding) -> CandidateReport {
         effect: found.effect.name().into(),
         law: found.law,
         inclusion_probability: found.inclusion_probability,
-        log_bayes_factor: finite(found.log_bayes_factor),
+        log_bayes_factor: found.log_bayes_factor,
         amplitude: map(&found.amplitude, |(name, mean, sd)| AmplitudeReport {
             parameter: parameter(name),
             mean: *mean,
             sd: *sd,
         }),
-        plausible_multiple: finite(found.multiple),
+        plausible_multiple: found.multiple,
         implausible: found.multiple > LARGEST_MULTIPLE,
-        explained_fraction: finite(found.explained_fraction),
-        detectable: finite(found.detectable),
+        explained_fraction: found.explained_fraction,
+        detectable: found.detectable,
         aliases: map(&found.aliases, |(effect, law, cosine)| AliasReport {
             effect: (*effect).into(),
             law: *law,
@@ -90,7 +90,7 @@ fn group(group: &Named) -> AliasGroupReport {
         pairs: map(&group.pairs, |pair| pair.map(String::from)),
         resembling: outside.map(resembling).collect(),
         probability: group.probability,
-        log_evidence_lost_without: finite(group.log_bayes_factor),
+        log_evidence_lost_without: group.log_bayes_factor,
         predicts_held_out_blocks: group.predicts,
     }
 }
@@ -103,8 +103,8 @@ fn resembling(other: &Resembling) -> ResemblingReport {
             parameter: parameter(name),
             value: *value,
         }),
-        plausible_multiple: finite(other.multiple),
-        log_evidence_lost: finite(other.log_bayes_factor_lost),
+        plausible_multiple: other.multiple,
+        log_evidence_lost: other.log_bayes_factor_lost,
     }
 }
 
@@ -127,7 +127,7 @@ fn blind_spot(effect: &str, spot: &BlindSpot) -> BlindSpotReport {
         parameter,
         shift_in_percent: shifts.map(|(name, s)| (name.clone(), finite(*s))).collect(),
         beyond_linear: beyond.map(|(name, _)| name.clone()).collect(),
-        detectable: finite(spot.detectable),
+        detectable: spot.detectable,
         would_be_seen: spot.detectable < spot.plausible,
     }
 }

@@ -2,11 +2,11 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::json::Keyed;
+use super::json::{Keyed, nan, or_nan};
 use crate::experiment::series::Law;
 use crate::trace::Interval;
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct TracingReport {
     /// Effects weighed, the most probable first.
     pub candidates: Vec<CandidateReport>,
@@ -20,8 +20,8 @@ pub struct TracingReport {
     #[serde(default)]
     pub undecided: Vec<Vec<String>>,
     /// Probability of smooth structure that no effect explains.
-    #[serde(default)]
-    pub discrepancy_probability: Option<f64>,
+    #[serde(default = "nan", deserialize_with = "or_nan")]
+    pub discrepancy_probability: f64,
     /// The constants averaged over what may act unseen.
     #[serde(default)]
     pub averaged_posterior: Keyed<Interval>,
@@ -29,32 +29,35 @@ pub struct TracingReport {
     pub left_out: Vec<LeftOut>,
 }
 
-/// An effect weighed against the residual. `null`: no finite number.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+/// An effect weighed against the residual.
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct CandidateReport {
     pub effect: String,
     /// How its amplitude goes over the steps of a series.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub law: Option<Law>,
     /// Posterior probability that it acts.
     pub inclusion_probability: f64,
-    pub log_bayes_factor: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub log_bayes_factor: f64,
     pub amplitude: Vec<AmplitudeReport>,
     /// Largest amplitude over its prior sd.
-    #[serde(default)]
-    pub plausible_multiple: Option<f64>,
+    #[serde(default = "nan", deserialize_with = "or_nan")]
+    pub plausible_multiple: f64,
     /// Whether that is too much.
     #[serde(default)]
     pub implausible: bool,
     /// Share of the structured part of chi^2 that it explains alone.
-    pub explained_fraction: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub explained_fraction: f64,
     /// Smallest amplitude that would have been found; `null` if none would.
-    pub detectable: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub detectable: f64,
     pub aliases: Vec<AliasReport>,
 }
 
 /// An amplitude, border units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct AmplitudeReport {
     pub parameter: String,
     pub mean: f64,
@@ -62,16 +65,16 @@ pub struct AmplitudeReport {
 }
 
 /// An effect of similar signature.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct AliasReport {
     pub effect: String,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub law: Option<Law>,
     pub cosine: f64,
 }
 
 /// Effects that the data cannot tell apart.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct AliasGroupReport {
     /// The member with the largest evidence.
     pub leader: String,
@@ -88,13 +91,14 @@ pub struct AliasGroupReport {
     /// Probability that some member acts.
     pub probability: f64,
     /// Log evidence lost when the group is dropped.
-    pub log_evidence_lost_without: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub log_evidence_lost_without: f64,
     /// Whether held-out blocks are predicted better with it.
     pub predicts_held_out_blocks: bool,
 }
 
 /// An effect outside a group that leaves almost the same field.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct ResemblingReport {
     pub effect: String,
     /// Cosine of the leader's part of the field and the nearest field of this effect.
@@ -102,31 +106,33 @@ pub struct ResemblingReport {
     /// The amplitudes that it would need.
     pub amplitude: Vec<NeededAmplitude>,
     /// The largest of them over its prior sd.
-    pub plausible_multiple: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub plausible_multiple: f64,
     /// Log evidence lost with it in the leader's place.
-    pub log_evidence_lost: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub log_evidence_lost: f64,
 }
 
 /// An amplitude that would be needed, border units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct NeededAmplitude {
     pub parameter: String,
     pub value: f64,
 }
 
 /// An effect that was not weighed.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct LeftOut {
     pub effect: String,
     pub reason: String,
 }
 
 /// What an effect would do at its prior sd if it acted and the model lacked it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct BlindSpotReport {
     pub effect: String,
     /// How its amplitude goes over the steps of a series.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub law: Option<Law>,
     pub parameter: String,
     /// Prior sd, border units.
@@ -139,7 +145,8 @@ pub struct BlindSpotReport {
     #[serde(default)]
     pub beyond_linear: Vec<String>,
     /// Smallest amplitude that these data would show; `null` if none.
-    pub detectable: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub detectable: f64,
     /// Whether that is below the prior sd.
     pub would_be_seen: bool,
 }

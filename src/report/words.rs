@@ -57,10 +57,7 @@ pub fn widening(
     };
     let (most, most_of) = ratios.first()?;
     if *most >= SIMILAR.end {
-        let left = tracing
-            .discrepancy_probability
-            .is_some_and(|p| p > UNEXPLAINED);
-        let cause = if left {
+        let cause = if tracing.discrepancy_probability > UNEXPLAINED {
             "because the structure that is left is weighed as a smooth error of the model, and effects too small to be seen may act"
         } else {
             "because effects too small to be seen may act"
@@ -110,9 +107,7 @@ const SHARE: f64 = 0.2;
 /// The blind spots that move a constant most while these data do not show them.
 fn movers(spots: &[BlindSpotReport], constant: &str) -> String {
     let unseen = |spot: &BlindSpotReport| {
-        let share = spot
-            .detectable
-            .map_or(1.0, |d| (d / spot.plausible).min(1.0));
+        let share = (spot.detectable / spot.plausible).min(1.0);
         let shift = spot.shift_in_percent.get(constant).copied();
         share * shift.map_or(0.0, |s| s.map_or(f64::NAN, f64::abs))
     };

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::numeric::{log_sum_exp, relative_weights};
 
 /// A normal distribution of some weight.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub struct NormalPart {
     pub log_weight: f64,
     pub mean: Vec<f64>,
@@ -23,7 +23,7 @@ pub struct NormalPart {
 }
 
 /// Independent proposals from a Student-t that was fitted to the target.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Adapted {
     student: Student,
     /// Draws of it with their weights, at which chains start.
@@ -247,7 +247,7 @@ fn distance2(lower: &[f64], mean: &[f64], x: &[f64]) -> f64 {
 }
 
 /// A Student-t of [`DOF`] degrees of freedom.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 struct Student {
     mean: Vec<f64>,
     /// Its shape, and the lower factor of that.

@@ -9,7 +9,7 @@ use super::numbers::Needs;
 use crate::lanes::{Lanes, WIDTH, each, ln};
 
 /// Tails of the fitted proposal.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub enum Tail {
     /// Gaussian of the walkers' mean and covariance.
     Gaussian,

@@ -31,7 +31,7 @@ struct MemoryShape {
 }
 
 /// How far the draws of each chain have come.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Count {
     held: usize,
     /// Draws from one held one to the next.

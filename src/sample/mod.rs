@@ -54,15 +54,12 @@ use crate::error::Result;
 pub struct EnsembleState {
     pub step: u64,
     /// Positions, walker x parameter.
-    #[serde(with = "crate::numeric::bits")]
     pub x: Vec<f64>,
     /// Log density of each walker.
-    #[serde(with = "crate::numeric::bits")]
     pub lp: Vec<f64>,
     /// Place that the random streams have reached.
     pub drawn: u64,
     /// What the sampler has learned, in an order of its own.
-    #[serde(with = "crate::numeric::bits")]
     pub memory: Vec<f64>,
 }
 
@@ -80,7 +77,7 @@ impl EnsembleState {
 }
 
 /// A stretch of steps to take.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Span {
     pub steps: usize,
     /// Keep the state after every `thin`-th step; at least 1.
@@ -90,11 +87,13 @@ pub struct Span {
 }
 
 /// What one ensemble did over a span.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Block {
     /// Kept positions, draw x parameter x walker.
+    #[serde(skip)]
     pub x: Vec<f64>,
     /// Kept log densities, draw x walker.
+    #[serde(skip)]
     pub lp: Vec<f64>,
     /// Steps in which each walker moved.
     pub accepted: Vec<u64>,

@@ -38,7 +38,7 @@ impl<'a> Walkers<'a> {
 }
 
 /// What a move learns from the complementary half before it proposes for the other: a location and a shape.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug)]
 pub struct Fit {
     /// Location, length dim.
     pub mean: Vec<f64>,

@@ -6,7 +6,7 @@ use super::stream::{Key, blocks};
 use crate::lanes::{WIDTH, each, ln, sin_cos_turns};
 
 /// How many numbers a proposal takes for each walker.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Needs {
     pub uniforms: usize,
     /// Standard normal numbers.

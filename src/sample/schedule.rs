@@ -25,7 +25,7 @@ pub enum Phase {
 }
 
 /// How far a run has come.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct PhaseReport {
     pub phase: Phase,
     /// Steps of each ensemble so far.
@@ -98,7 +98,7 @@ pub struct Regime<'a> {
     pub monitor: &'a dyn Monitor,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Stopped {
     /// The stopping rule was satisfied.
     Enough,

@@ -11,7 +11,7 @@ use rand::TryRng;
 use rand_distr::{Distribution, StandardNormal};
 
 /// What names the streams of one ensemble: the run's seed and the ensemble's index.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Key {
     /// Seed of the run.
     pub seed: u64,
@@ -48,7 +48,7 @@ pub fn blocks<const N: usize>(key: Key, mut lane: [u64; N], place: u64) -> ([u64
 }
 
 /// One stream of random numbers, at a known place.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Stream {
     key: Key,
     lane: u64,

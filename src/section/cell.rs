@@ -106,8 +106,11 @@ impl TableCell {
     }
 
     /// The smallest amplitude that would be seen; there may be none.
-    pub fn or_never(amplitude: Option<f64>) -> Self {
-        amplitude.map_or_else(|| "never".into(), Self::three)
+    pub fn or_never(amplitude: f64) -> Self {
+        match amplitude.is_finite() {
+            true => Self::three(amplitude),
+            false => "never".into(),
+        }
     }
 
     pub fn mean_sd(moments: Option<impl Into<MeanAndSd>>) -> Self {

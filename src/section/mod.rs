@@ -14,7 +14,7 @@ pub use terminal::{terminal, wrap};
 use serde::{Deserialize, Serialize};
 
 /// A piece of a section.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub enum Piece {
     Heading(String),
     Paragraph(String),
@@ -66,7 +66,7 @@ impl From<Table> for Piece {
 }
 
 /// Pieces under one title.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Section {
     pub title: String,
     pub pieces: Vec<Piece>,
@@ -116,7 +116,7 @@ impl Section {
 }
 
 /// A whole page: its title, what stands above the sections, the sections, and the line below them.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub struct Document {
     pub title: String,
     /// The heading of the page.

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::cell::TableCell;
 
 /// Rows under a header; the first column holds the rows' names.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Table {
     pub caption: String,
     pub header: Vec<String>,

@@ -32,7 +32,7 @@ pub struct ClosedStudy {
 }
 
 /// What a loop over a study samples of an experiment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub enum StudyStage {
     /// A field that is traced without adding to it, to know where to begin.
     Ordering,

@@ -49,7 +49,7 @@ pub static EXPERIMENTS: &[ExperimentReader] = &[
 ];
 
 /// What all experiments of a study share.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct SharedConstants {
     pub material: Material,
     /// Names and priors of the elastic constants.
@@ -166,7 +166,7 @@ pub trait Observed: Send + Sync {
 }
 
 /// An effect that nobody declared, with what the data say of it.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct Undeclared {
     pub name: &'static str,
     pub parameter: &'static str,

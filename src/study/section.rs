@@ -7,7 +7,7 @@ use super::Undeclared;
 use crate::section::{Piece, Table, TableCell, row};
 
 /// An experiment's part of a report.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct ExperimentSection {
     pub name: String,
     pub pieces: Vec<Piece>,
@@ -21,7 +21,7 @@ pub struct ExperimentSection {
 }
 
 /// Values between -1 and 1 on a regular grid over a rectangle.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct SectionMap {
     pub name: String,
     pub title: String,

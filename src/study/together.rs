@@ -27,7 +27,7 @@ pub struct Alone {
 }
 
 /// How far an experiment disagrees with another, or with all others.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct PairTension {
     pub first: String,
     /// None for all others together.

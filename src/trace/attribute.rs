@@ -158,7 +158,7 @@ impl Tracer<'_> {
         let Traced { evidence, point } = &traced;
         let stiffness = match leaves_structure(evidence.subsets.discrepancy) {
             true => {
-                let of = traced.bytes(self.forward.model);
+                let of = traced.made_of(self.forward.model);
                 let field = || {
                     let what = "tracing: a stiffness that varies over the window";
                     self.progress.begin(what, None);

@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 use super::subsets::{SIZES, Subset, SubsetPosterior};
 use crate::error::{Error, Result};
 use crate::experiment::series::Law;
-use crate::files::{Keyed, stored};
+use crate::files::Keyed;
 use crate::linearise::{Candidate, Column, Sensitivities};
 use crate::noise::NormalEquations;
 use crate::numeric::bisect;
@@ -36,14 +36,6 @@ pub struct Interval {
     #[serde(rename = "q97.5")]
     pub high: f64,
 }
-
-stored!(Interval {
-    mean,
-    sd,
-    low,
-    median,
-    high
-});
 
 /// What one effect would do to the constants if it acted with an amplitude of one prior sd and the model lacked it.
 #[derive(Debug, Clone)]

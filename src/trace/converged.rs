@@ -8,8 +8,8 @@ use super::evidence::Evidence;
 use super::phases::shifts;
 use crate::effect::Kind;
 use crate::error::Result;
-use crate::files::{KeptStages, Stored};
-use crate::identify::{NumberedPoint, bytes_of, weighed};
+use crate::files::KeptStages;
+use crate::identify::{NumberedPoint, made_of, weighed};
 use crate::infer::EffectUnderLaw;
 use crate::linearise::{
     CONVERGED, CandidateColumns, Forward, Measured, Sensitivities, divide, shares,
@@ -145,10 +145,8 @@ impl PointSearch<'_> {
         let anew: Vec<EffectUnderLaw> = own.map(|(_, e)| *e).collect();
         let always = state.shared.constants.len() + self.forward.count(declared, state);
         let most = always + self.forward.count(&anew, state);
-        let mut bytes = bytes_of(self.forward.model, self.measured);
-        (of.clone(), (state.clone(), declared.clone())).put(&mut bytes);
-        sought.clone().put(&mut bytes);
-        moved.iter().for_each(|name| bytes.extend(name.bytes()));
+        let test = made_of(self.forward.model, self.measured);
+        let made_of = (test, of, state, declared, sought, moved);
         let linearised = || {
             let what = format!(
                 "tracing, pass {pass}: sensitivities to {} effects",
@@ -162,7 +160,7 @@ impl PointSearch<'_> {
             found
         };
         let name = format!("sensitivities-traced-{pass}");
-        self.kept.stage(&name, &bytes, linearised, self.progress)
+        self.kept.stage(&name, &made_of, linearised, self.progress)
     }
 
     fn weighed(

@@ -1,8 +1,9 @@
 //! What tracing rests on: the evidence, and the point about which the test was linearised for it.
 
+use serde::Serialize;
+
 use super::evidence::Evidence;
-use crate::files::Stored;
-use crate::identify::bytes_of;
+use crate::identify::made_of;
 use crate::infer::Model;
 use crate::posterior::LinearisationPoint;
 
@@ -13,11 +14,9 @@ pub struct Traced {
 }
 
 impl Traced {
-    /// The bytes of all that a stage is made of which goes on from here.
-    pub fn bytes(&self, model: &Model) -> Vec<u8> {
-        let mut of = bytes_of(model, &self.evidence.measured);
-        self.point.put(&mut of);
-        self.evidence.sensitivities.put(&mut of);
-        of
+    /// All that a stage is made of which goes on from here.
+    pub fn made_of<'a>(&'a self, model: &'a Model) -> impl Serialize + 'a {
+        let test = made_of(model, &self.evidence.measured);
+        (test, &self.point, &self.evidence.sensitivities)
     }
 }

@@ -7,7 +7,7 @@ use super::patches::Patches;
 use super::suspect::{ConditionalAnswer, PriorInDoubt, Suspect, UNEXPLAINED};
 use crate::effect::Effect;
 use crate::experiment::series::{Law, SeriesState};
-use crate::files::{Keyed, stored};
+use crate::files::Keyed;
 use crate::laminate::MeanSd;
 use crate::noise::series::Linearity;
 
@@ -181,15 +181,6 @@ pub struct StiffnessAt {
     pub change: f64,
     pub sd: f64,
 }
-
-stored!(StiffnessField {
-    probability,
-    size,
-    map,
-    surest,
-    constants
-});
-stored!(StiffnessAt { at_mm, change, sd });
 
 impl StiffnessField {
     /// What is suspect with this beside it: the constants that it leaves are the averaged ones.

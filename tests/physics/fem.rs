@@ -42,7 +42,15 @@ fn holed(s: [f64; 2], t: [f64; 2], radius: f64) -> Arc<dyn Geometry> {
 }
 
 fn assert_passed(rows: &[Check]) {
-    assert!(rows.iter().all(|row| row.passed), "{rows:#?}");
+    for Check {
+        what,
+        value,
+        bound,
+        passed,
+    } in rows
+    {
+        assert!(passed, "{what}: {value:e}, at most {bound:e}");
+    }
 }
 
 #[test]

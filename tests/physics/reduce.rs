@@ -407,9 +407,7 @@ fn a_cached_model_is_the_same_and_a_damaged_one_is_rebuilt() {
     let (second, cached) = obtain(&problem);
     assert!(cached);
     assert_eq!(text(&first), text(&second));
-    let file = directory
-        .path()
-        .join(format!("{}.json", cache::key(&problem)));
+    let file = directory.path().join(cache::key(&problem));
     let whole = std::fs::read(&file).unwrap();
     for damage in [&whole[..whole.len() / 2], b"{}".as_slice()] {
         std::fs::write(&file, damage).unwrap();

@@ -394,7 +394,15 @@ fn a_model_from_the_cache_gives_the_same_bits() {
     });
     let folder = tempfile::tempdir().unwrap();
     let [built, read] = ["built", "read"].map(|out| {
-        let words = ["identify", &file, "--max-draws", "500", "--out", out];
+        let words = [
+            "identify",
+            &file,
+            "--max-draws",
+            "500",
+            "--csv",
+            "--out",
+            out,
+        ];
         let end = plychain_in(folder.path(), &words);
         assert!(end.status.success(), "{end:?}");
         std::fs::read(folder.path().join(out).join("chain.csv")).unwrap()

@@ -80,7 +80,12 @@ fn a_free_isotropic_square_gives_its_constants() {
     assert_eq!(*modes[0], json!([1, 1]));
     assert!(modes.iter().all(|m| m.is_array()), "{modes:?}");
     // what others read
-    for file in ["chain.csv", "run.json", "model.json", "report.html"] {
+    for file in [
+        "chain.zarr/zarr.json",
+        "run.json",
+        "model.json",
+        "report.html",
+    ] {
         assert!(out.join(file).is_file(), "{file}");
     }
     let folder = out.display().to_string();

@@ -7,7 +7,7 @@ use plychain::geometry::{Density, Geometry};
 use plychain::laminate::Ply;
 
 /// One line of a verification table.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub struct Check {
     /// What was computed.
     pub what: String,
@@ -60,12 +60,7 @@ pub fn difference(points: &[[f64; 2]], u: &[[f64; 2]], v: &[[f64; 2]]) -> f64 {
 
 /// A field minus its least-squares rigid motion.
 pub fn without_rigid_motion(points: &[[f64; 2]], u: &[[f64; 2]]) -> Vec<[f64; 2]> {
-    let motion = rigid::fit(points, u);
-    let rest = |(&p, u): (&[f64; 2], &[f64; 2])| {
-        let m = motion.at(p);
-        [u[0] - m[0], u[1] - m[1]]
-    };
-    points.iter().zip(u).map(rest).collect()
+    rigid::fit(points, u).removed(points, u)
 }
 
 /// A grid over the window and rings about the hole, from its very edge.

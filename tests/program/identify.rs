@@ -258,6 +258,7 @@ fn draws_are_the_same_bits_for_any_number_of_threads() {
             "--quiet",
             "--threads",
             threads,
+            "--csv",
             "--out",
             out.to_str().unwrap(),
         ]);

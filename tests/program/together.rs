@@ -298,7 +298,7 @@ fn a_loop_over_both_names_the_scale_that_they_disagree_about() {
     let page = std::fs::read_to_string(format!("{out}/report.html")).unwrap();
     assert!(page.contains("id=\"all-experiments\""));
     for file in [
-        "alone/ringing/chain.csv",
+        "alone/ringing/chain.zarr",
         "alone/ringing/report.html",
         "alone/tension/chain.zarr",
     ] {

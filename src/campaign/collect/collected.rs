@@ -10,7 +10,7 @@ use crate::campaign::status::CampaignPlaces;
 use crate::error::Result;
 
 /// What all runs found.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Collected {
     pub name: String,
     /// How the campaign stands, in words.

@@ -15,7 +15,7 @@ use crate::report::learned::Learned;
 use crate::report::study;
 
 /// A run in the table.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct CampaignRow {
     pub entry: ManifestEntry,
     pub verdict: String,
@@ -28,7 +28,7 @@ pub struct CampaignRow {
 }
 
 /// A constant, in the unit of its name, with its 95 % interval.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Found {
     pub mean: f64,
     pub sd: f64,
@@ -38,7 +38,6 @@ pub struct Found {
     #[serde(skip_deserializing)]
     pub robust_z: Option<f64>,
     /// What the data added to the prior, where the report says it.
-    #[serde(default)]
     pub learned: Option<Learned>,
 }
 

@@ -1,4 +1,4 @@
-//! The table as `collected.csv`, `collected.zarr` and `collected.html`.
+//! The table as `collected.csv` and `collected.html`.
 
 use std::path::{Path, PathBuf};
 
@@ -7,7 +7,6 @@ use indexmap::IndexSet;
 use super::collected::Collected;
 use super::outlying::MOST_Z;
 use super::row::{CampaignRow, Found};
-use crate::chain::write_table;
 use crate::error::Result;
 use crate::files;
 use crate::report::html;
@@ -27,21 +26,15 @@ const COLUMNS: [NumberOfConstant; 8] = [
     ("from_data", |f| Some(f.learned?.from_data)),
 ];
 
-/// Write all of them into a folder, and return the paths.
+/// Write both into a folder, and return the paths.
 ///
 /// # Errors
 /// Of the input: a folder that cannot be written.
-pub fn write(collected: &Collected, folder: &Path) -> Result<[PathBuf; 3]> {
-    let paths = ["csv", "zarr", "html"].map(|e| folder.join(format!("collected.{e}")));
+pub fn write(collected: &Collected, folder: &Path) -> Result<[PathBuf; 2]> {
+    let paths = ["csv", "html"].map(|e| folder.join(format!("collected.{e}")));
     let columns = columns(collected);
     files::replace(&paths[0], csv(&whole(collected, &columns))?)?;
-    let names: Vec<&str> = collected
-        .rows
-        .iter()
-        .map(|r| r.entry.run.name.as_str())
-        .collect();
-    write_table(&paths[1], &names, &columns)?;
-    files::replace(&paths[2], html(&page(collected), &[]))?;
+    files::replace(&paths[1], html(&page(collected), &[]))?;
     Ok(paths)
 }
 

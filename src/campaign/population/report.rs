@@ -15,7 +15,7 @@ use crate::numeric::quantile;
 pub const SCHEMA: &str = "plychain-population/1";
 
 /// `population.json`. Constants are in the units of their names.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct PopulationReport {
     pub schema: String,
     pub name: String,
@@ -35,7 +35,7 @@ pub struct PopulationReport {
     pub warnings: Vec<String>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct Estimate {
     pub mean: f64,
     pub sd: f64,
@@ -45,7 +45,7 @@ pub struct Estimate {
 }
 
 /// A constant over the population.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct OfConstant {
     /// Prior of the runs, mean and sd.
     #[serde(default)]
@@ -61,7 +61,7 @@ pub struct OfConstant {
 }
 
 /// A tolerance bound: above it lies, with 95 % confidence, the share of the population that its name asks (A 99 %, B 90 %).
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct Basis {
     /// 5 % quantile of the percentile's posterior.
     pub value: f64,
@@ -71,7 +71,7 @@ pub struct Basis {
     pub percentile: Estimate,
 }
 
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct OfSpecimen {
     /// Alone, without its prior: mean and sd by constant.
     pub alone: Keyed<[f64; 2]>,

@@ -12,7 +12,7 @@ const LEAST_OTHERS: usize = 3;
 const RARE: f64 = 0.05;
 
 /// A specimen that is unlike the others.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, PartialEq)]
 pub struct Unlike {
     pub specimen: String,
     pub constant: String,

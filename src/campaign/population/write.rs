@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use super::report::{Basis, Estimate, OfConstant, PopulationReport};
 use super::sampled::Sampled;
-use crate::chain::{write_csv, write_zarr};
+use crate::chain::write_zarr;
 use crate::error::Result;
 use crate::files;
 use crate::report::html;
@@ -20,7 +20,6 @@ pub fn write(report: &PopulationReport, sampled: &Sampled, folder: &Path) -> Res
     files::replace_folder(&folder.join("chain.zarr"), |store| {
         write_zarr(&sampled.draws, store)
     })?;
-    write_csv(&sampled.draws, &folder.join("chain.csv"))?;
     files::write_json(&folder.join("population.json"), report)?;
     let page = folder.join("population.html");
     files::replace(&page, html(&report.page(), &[]))?;
@@ -134,7 +133,7 @@ impl PopulationReport {
                 Section::new("Notes").with(Piece::list(left.chain(self.warnings.iter().cloned()))),
             ],
             folded: false,
-            footer: "Chains: chain.zarr and chain.csv; numbers: population.json.".into(),
+            footer: "Chains: chain.zarr; numbers: population.json.".into(),
         }
     }
 }

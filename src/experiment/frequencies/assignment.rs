@@ -10,7 +10,7 @@ use super::lattice::{self, Choices, MOST_PEAKS, Sum};
 use crate::error::{Error, Result};
 
 /// A measured peak.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct FrequencyPeak {
     pub frequency_hz: f64,
     /// Standard deviation of the reading, Hz; the model's error comes on top.
@@ -20,7 +20,7 @@ pub struct FrequencyPeak {
 }
 
 /// A predicted mode.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct PredictedFrequency {
     pub frequency_hz: f64,
     /// As [`super::VibrationMode::odd`].
@@ -28,7 +28,7 @@ pub struct PredictedFrequency {
 }
 
 /// What is stated about peaks and modes before they are compared.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct PeakModel {
     /// Sd of ln f by which the model is wrong beyond its parameters: 0.01 is one percent.
     pub model_error: f64,

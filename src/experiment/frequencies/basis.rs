@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use crate::numeric;
 
 /// How an edge is held.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PlateEdge {
     Free,
     /// No deflection; with transverse shear no rotation along the edge either ("hard").

@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 const LOGISTIC_SCALE: f64 = 0.551_328_895_421_792;
 
 /// A parameter that is not known, with its normal prior; units as in [`VibratingPlate`].
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Unknown {
     pub parameter: PlateParameter,
     pub mean: f64,

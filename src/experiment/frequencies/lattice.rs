@@ -17,7 +17,7 @@ pub const MOST_PEAKS: usize = LatticeSet::BITS as usize;
 const MOST_STATES: usize = 1024;
 
 /// What a mode can be: log weights.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Choices {
     /// Of leaving no peak.
     pub missing: f64,
@@ -26,7 +26,7 @@ pub struct Choices {
 }
 
 /// The sum and what it consists of.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Sum {
     /// Log of the sum over all assignments.
     pub log_total: f64,

@@ -16,14 +16,14 @@ pub const INERTIAS: usize = 5;
 pub const HZ_LAMBDA: f64 = 4.0 * std::f64::consts::PI * std::f64::consts::PI;
 
 /// Factors of the stored matrices: K = sum of `stiffness` times stiffness matrices, M alike. Consistent units of N, mm, t, s.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct PlateCoefficients {
     pub stiffness: [f64; STIFFNESSES],
     pub inertia: [f64; INERTIAS],
 }
 
 /// The plate's weight, as it is known.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub enum Weight {
     /// Weighed: mass, t. Frequencies then do not depend on the thickness but through the stiffness.
     Mass(f64),
@@ -32,7 +32,7 @@ pub enum Weight {
 }
 
 /// Transverse shear moduli of a ply, MPa, where they are known.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct TransverseShear {
     /// Without it G13 = G12, as in any transversely isotropic ply.
     pub g13: Option<f64>,
@@ -43,7 +43,7 @@ pub struct TransverseShear {
 }
 
 /// A rectangular laminate of equal plies; lengths in mm, moduli in MPa, angles in rad from the direction of `length`.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct VibratingPlate {
     pub length: f64,
     pub width: f64,
@@ -59,7 +59,7 @@ pub struct VibratingPlate {
 }
 
 /// What a frequency depends on; units as in [`VibratingPlate`].
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum PlateParameter {
     E1,
     E2,

@@ -22,7 +22,7 @@ const AIR: usize = 3;
 const POINT: usize = 4;
 
 /// What the stored matrices depend on.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct Settings {
     pub theory: Theory,
     pub supports: PlateSupports,

@@ -1,6 +1,7 @@
 //! A frequencies experiment as a model file declares it, and as it is computed with.
 
 use serde::{Deserialize, Serialize};
+use serde_with::skip_serializing_none;
 
 use super::assignment::{FrequencyPeak, PeakModel};
 use super::basis::PlateEdge;
@@ -18,6 +19,7 @@ const T_PER_G: f64 = 1e-6;
 const T_MM3_PER_KG_M3: f64 = 1e-12;
 
 /// An entry of `experiments` of the kind `frequencies`. Unknown keys are errors.
+#[skip_serializing_none]
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FrequenciesSpec {
@@ -33,13 +35,11 @@ pub struct FrequenciesSpec {
     /// Standard deviation of a reading, percent of the frequency.
     pub sd_percent: f64,
     /// Whether opposite corners move together (even) or against each other (odd) in each peak, where that was seen.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub parity: Option<Vec<Option<Parity>>>,
     /// What was looked at; from a tenth below the lowest to a fiftieth above the highest peak where nothing is said.
-    #[serde(rename = "band_Hz", default, skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "band_Hz")]
     pub band_hz: Option<[f64; 2]>,
     /// Sd by which the model's frequencies are wrong beyond its parameters, percent; it is sampled where nothing is said.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub model_error_percent: Option<f64>,
     /// Probability that a mode leaves no peak.
     #[serde(default = "a_tenth")]
@@ -53,6 +53,7 @@ pub struct FrequenciesSpec {
 }
 
 /// A rectangular plate.
+#[skip_serializing_none]
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct PlateSpec {
@@ -63,20 +64,16 @@ pub struct PlateSpec {
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub layup_deg: Vec<f64>,
     /// The plate's mass; or else its density.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub mass_g: Option<MeanSd>,
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub density_kg_m3: Option<MeanSd>,
     /// Transverse shear moduli; of a transversely isotropic ply where nothing is said.
-    #[serde(rename = "G13_GPa", default, skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "G13_GPa")]
     pub g13_gpa: Option<MeanSd>,
-    #[serde(rename = "G23_GPa", default, skip_serializing_if = "Option::is_none")]
+    #[serde(rename = "G23_GPa")]
     pub g23_gpa: Option<MeanSd>,
     /// A circular hole through the plate.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub hole: Option<HoleSpec>,
     /// A body that sits on the plate, an accelerometer.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub added_mass: Option<AddedMassSpec>,
 }
 
@@ -112,7 +109,7 @@ pub enum EdgeSpec {
     Clamped,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Parity {
     Even,

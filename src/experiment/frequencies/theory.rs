@@ -6,7 +6,7 @@
 use super::basis::{LegendreBasis, PlateEdge};
 
 /// Which plate theory.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Theory {
     /// Thin plate: normals stay normal (Kirchhoff).
     Thin,
@@ -15,7 +15,7 @@ pub enum Theory {
 }
 
 /// How the four edges are held: at x = 0 and x = a, at y = 0 and y = b.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub struct PlateSupports {
     pub x: [PlateEdge; 2],
     pub y: [PlateEdge; 2],
@@ -34,7 +34,7 @@ impl PlateSupports {
 /// Layers at the free edges of a sheared plate, of the order of its thickness, in which the rotation along the edge adapts; torsion loses
 /// 0.63 h / b of its stiffness there. Polynomials alone see them late: twisting modes come 4e-3 too high with 12 of them at a side of 100
 /// thicknesses.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct EdgeLayers {
     /// Decay lengths over half the side: at the edges across x, and across y. Whatever is near gives the same frequencies.
     pub lengths: [f64; 2],

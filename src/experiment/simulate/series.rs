@@ -15,7 +15,6 @@ use crate::field::rigid::RigidMotion;
 use crate::quantity::NM_PER_MM;
 
 /// What to simulate.
-#[derive(Clone)]
 pub struct SeriesTruth {
     /// What all steps share. The noise is that of one step's displacements, half of whose variance is the reference picture's.
     pub shared: Truth,

@@ -26,7 +26,7 @@ const DIMMEST: f64 = 0.3;
 const BRIGHT: f64 = 0.99;
 
 /// What was found of one component.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Calibration {
     /// Of the initial and the final state.
     pub shifts: [Shifts; 2],
@@ -44,7 +44,7 @@ pub struct Calibration {
 }
 
 /// Which steps were taken, and why.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct ChosenSteps {
     /// Nominal or estimated.
     pub steps: PhaseSteps,

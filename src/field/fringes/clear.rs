@@ -6,7 +6,7 @@ use std::ops::RangeInclusive;
 pub type StateFrames = Vec<Vec<u16>>;
 
 /// Values that are not clipped.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug)]
 pub struct Clear(RangeInclusive<u16>);
 
 /// A value at the end of all that occurs is the detector's limit where it occurs more often than this, and than the typical one of those

@@ -80,7 +80,7 @@ pub fn component(
 }
 
 /// What is said of all pixels together.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct Counts {
     pub measured: usize,
     pub clipped: usize,

@@ -1,7 +1,7 @@
 //! The noise of an intensity: a part that is the same everywhere, and one that grows with the light (shot noise).
 
 /// Variance of an intensity, `even` + `per_light` times its mean, in recorded units.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub struct IntensityNoise {
     pub even: f64,
     pub per_light: f64,

@@ -18,7 +18,7 @@ pub const FINEST: f64 = 0.42;
 const REACH: usize = 2;
 
 /// Why a pixel is not measured.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Pixel {
     Measured,
     /// Saturated, with less than three frames of a state that are not clipped.
@@ -34,7 +34,7 @@ pub enum Pixel {
 }
 
 /// One component's phase difference, row by row.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct PhaseMap {
     pub rows: usize,
     pub cols: usize,

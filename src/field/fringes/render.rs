@@ -18,7 +18,7 @@ use crate::field::reader::unwritable;
 use crate::files;
 
 /// How the pictures are taken. Intensities are in grey levels of 8 bit.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RenderPlan {
     pub frames: usize,

@@ -138,7 +138,6 @@ fn farthest(frames: usize) -> f64 {
 }
 
 /// Normal equations, and what the residuals are.
-#[derive(Clone)]
 pub struct ShiftEquations {
     pub matrix: DMatrix<f64>,
     pub right: DVector<f64>,

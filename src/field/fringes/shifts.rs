@@ -4,7 +4,7 @@
 use nalgebra::{Matrix3, Vector3};
 
 /// Steps and gains of the frames of one state.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Shifts {
     /// Phase of each frame, rad.
     pub step_rad: Vec<f64>,
@@ -16,7 +16,7 @@ pub struct Shifts {
 pub type Fringe = [f64; 3];
 
 /// The least squares of one state.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct StateFit {
     /// Rows of the design: frame by (I_b, I_m cos phi, I_m sin phi).
     design: Vec<[f64; 3]>,

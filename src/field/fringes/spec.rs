@@ -28,7 +28,7 @@ const FULL_TURN_DEG: f64 = 360.0;
 const FARTHEST_PX: f64 = 1e6;
 
 /// A set of fringe images.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct FringeImages {
     pub schema: String,
@@ -51,7 +51,7 @@ pub struct FringeImages {
     #[serde(rename = "U_along")]
     pub u_along: Axis,
     /// Column and row, counted from 0, of the point that is the origin of X and Y (default: the picture's centre).
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub origin_px: Option<[f64; 2]>,
 }
 
@@ -84,7 +84,7 @@ pub struct States {
 }
 
 /// Whether the frames are at their nominal steps.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum PhaseSteps {
     /// As the images say.
@@ -98,7 +98,7 @@ pub enum PhaseSteps {
 }
 
 /// Where the images' first row lies.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Default, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FirstRow {
     /// At the smallest y.

@@ -43,7 +43,7 @@ pub const PROGRAMS: &[&Program] = &[
 ];
 
 /// The unit of both coordinates or of both displacements.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum FoundUnit {
     /// The file states it.
     Stated(&'static str),

@@ -58,7 +58,7 @@ pub struct ExportColumns {
 }
 
 /// The unit of a table that states none.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub enum Habit {
     /// The program writes it always, if the user has not changed that.
     Of(&'static str),

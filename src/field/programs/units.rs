@@ -1,17 +1,7 @@
 //! Units as they are written in files.
 
 use crate::field::reader::PIXEL;
-
-/// Units of length and the pixel, as they are written in the singular, by their names in a model file.
-const UNITS: &[(&str, &[&str])] = &[
-    ("m", &["m", "metre", "meter"]),
-    ("mm", &["mm", "millimetre", "millimeter"]),
-    ("um", &["um", "\u{b5}m", "\u{3bc}m"]),
-    ("um", &["micron", "micrometre", "micrometer"]),
-    ("nm", &["nm", "nanometre", "nanometer"]),
-    ("in", &["in", "inch", "inche"]),
-    (PIXEL, &["px", "pix", "pixel"]),
-];
+use crate::quantity::LENGTHS;
 
 /// Units of force and their newtons (NIST SP 811, appendix B.8). Without mN: few machines write millinewtons, and a meganewton would be
 /// taken for one.
@@ -76,8 +66,11 @@ pub fn unit_of(written: &str) -> Option<&'static str> {
     // ms are no metres
     let plural = written.strip_suffix('s').filter(|one| one.len() > 3);
     let written = plural.unwrap_or(&written);
-    let known = UNITS.iter().find(|(_, words)| words.contains(&written));
-    known.map(|(name, _)| *name)
+    if ["px", "pix", "pixel"].contains(&written) {
+        return Some(PIXEL);
+    }
+    let known = LENGTHS.iter().find(|(.., words)| words.contains(&written));
+    known.map(|(name, ..)| *name)
 }
 
 /// A column's name and the unit behind it: in brackets, after a stroke, an underscore or a blank.

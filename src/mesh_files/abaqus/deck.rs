@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 const DEEPEST: usize = 8;
 
 /// A line of `*SURFACE`: what it names (a set or a number) and which side of it.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct DeckPatch {
     pub target: String,
     pub side: String,
@@ -20,7 +20,7 @@ pub(super) struct DeckPatch {
 }
 
 /// A named surface.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct DeckSurface {
     pub name: String,
     pub scope: SetScope,
@@ -58,7 +58,7 @@ pub(super) struct SetLines {
 }
 
 /// What was opened and is not closed.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Open {
     Part,
     Assembly,

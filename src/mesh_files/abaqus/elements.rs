@@ -4,7 +4,7 @@ use super::super::kind::ElementKind;
 use crate::error::{Error, Result};
 
 /// What an element type is here.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) enum Type {
     Plane(ElementKind),
     /// A shell or membrane, whose edges go by other names than those of plane elements.

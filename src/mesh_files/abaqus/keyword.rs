@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::files::cells;
 
 /// A keyword line, `*NAME, KEY=VALUE, FLAG`.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug)]
 pub(super) struct Keyword {
     /// In capitals, without blanks: `ENDPART`.
     pub name: String,

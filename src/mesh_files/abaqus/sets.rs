@@ -7,7 +7,7 @@ use super::keyword::{key, number};
 use crate::error::{Error, Result};
 
 /// Whose names and numbers are meant.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum SetScope {
     /// The part's, or those of a file without parts.
     Part,
@@ -15,7 +15,7 @@ pub(super) enum SetScope {
 }
 
 /// What a line of a set adds to it.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug)]
 pub(super) enum SetMember {
     One(u64),
     /// First, last, step.
@@ -26,7 +26,7 @@ pub(super) enum SetMember {
 }
 
 /// A set of nodes or of elements.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub(super) struct DeckSet {
     pub name: String,
     pub scope: SetScope,
@@ -36,7 +36,7 @@ pub(super) struct DeckSet {
 }
 
 /// All sets of nodes, or of elements.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Default)]
 pub(super) struct Sets {
     pub all: Vec<DeckSet>,
     by_name: HashMap<(SetScope, String), usize>,

@@ -12,7 +12,7 @@ use super::source::MeshText;
 use crate::error::{Error, Result};
 
 /// What an element type of Gmsh is here.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub(super) enum EntityShape {
     Point,
     /// Of two or three nodes.

@@ -30,7 +30,7 @@ pub fn parse(bytes: &[u8], path: &Path) -> Result<ImportedMesh> {
     collector.finish()
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 enum Version {
     V2,
     V4,

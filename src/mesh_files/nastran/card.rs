@@ -4,7 +4,7 @@ use super::super::draft::FileSpot;
 use crate::error::{Error, Result};
 
 /// An entry of bulk data.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug)]
 pub(super) struct BulkCard {
     /// In capitals, without the asterisk of large fields.
     pub name: String,

@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
+use serde::{Deserialize, Serialize};
+
 use super::frames::Frames;
 use super::subset_kernel::subset_covariance;
 use crate::error::Result;
 use crate::field::Blocks;
-use crate::files::{Stored, stored};
 use crate::noise::covariance::{discrepancy_lengths_mm, noise_lengths_mm};
 use crate::noise::{BlockCovariance, Matern};
 
@@ -42,7 +43,7 @@ pub(super) struct ShapeFamily<'a> {
 }
 
 /// How the correlation of smooth patterns falls with the distance d.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum SmoothKernel {
     /// Matern-3/2: patterns with a slope and no curvature.
     Matern,
@@ -60,23 +61,8 @@ impl SmoothKernel {
     }
 }
 
-impl Stored for SmoothKernel {
-    fn put(&self, out: &mut Vec<u8>) {
-        (*self == Self::Matern).put(out);
-    }
-
-    fn take(from: &mut &[u8]) -> Option<Self> {
-        let is_matern = bool::take(from)?;
-        Some(if is_matern {
-            Self::Matern
-        } else {
-            Self::SquaredExponential
-        })
-    }
-}
-
 /// Covariance hyperparameters of one frame's noise.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 pub(super) struct CorrelationShape {
     pub kernel: SmoothKernel,
     pub length_mm: f64,
@@ -84,13 +70,6 @@ pub(super) struct CorrelationShape {
     /// Part of the noise that no subset correlates.
     pub nugget: f64,
 }
-
-stored!(CorrelationShape {
-    kernel,
-    length_mm,
-    ratio,
-    nugget
-});
 
 impl<'a> ShapeFamily<'a> {
     /// Of frames whose noise contrasts know (`any_length`), or of one field, in which long correlation is a discrepancy.

@@ -20,6 +20,8 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
+use serde::{Deserialize, Serialize};
+
 use super::contrasts::{Metric, beyond_laws, covariance_of_frames, covariance_of_walk};
 use super::family::{CorrelationShape, ShapeFamily, SmoothKernel};
 use super::frames::Frames;
@@ -28,7 +30,6 @@ use super::scales::FrameScales;
 use super::shapes::{LATTICES, Scored, Shapes, choose};
 use super::slices::Slices;
 use crate::error::Result;
-use crate::files::stored;
 use crate::noise::BlockCovariance;
 
 /// The noise of one component in one frame of scale 1.
@@ -64,7 +65,7 @@ pub struct FrameNoise {
 }
 
 /// What the search for the noise finds: the numbers of which the noise of all frames is made.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct FoundNoise {
     shapes: [CorrelationShape; 2],
     /// s2 of u1 and of u2, mm^2.
@@ -77,16 +78,6 @@ pub struct FoundNoise {
     log_likelihood: f64,
     smooth_gain: f64,
 }
-
-stored!(FoundNoise {
-    shapes,
-    scales2,
-    scales,
-    walks,
-    by_contrasts,
-    log_likelihood,
-    smooth_gain
-});
 
 impl FoundNoise {
     /// The noise, with its covariances over the frames' blocks.

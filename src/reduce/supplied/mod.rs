@@ -19,7 +19,7 @@ pub use doe::text as doe_text;
 pub(super) use spread::{Weights, weights};
 
 /// `reduced_model.snapshots` in place of a number: a design and what another program solved of it.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SuppliedSpec {
     /// The design, as `plychain design-of-experiments` writes it.
@@ -28,7 +28,7 @@ pub struct SuppliedSpec {
     pub fields: PathBuf,
     /// The point of the fields' x and y, mm, that lies at `hole_center_in_data_mm` in the data; that of an imported mesh, or (0, 0), if it
     /// is not given. The fields' axes are parallel to the data's.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub origin_mm: Option<[f64; 2]>,
 }
 

@@ -39,8 +39,8 @@ pub fn intervals(lines: &[IntervalLine]) -> Result<Option<Figure>> {
 }
 
 fn panel(area: &Area<'_>, lines: &[&IntervalLine], constant: &str) -> Result<()> {
-    let truth = lines.iter().find_map(|l| l.truth);
-    let [a, b] = span(lines.iter().flat_map(|l| [l.low, l.high]).chain(truth));
+    let truth = lines.first().map_or(f64::NAN, |l| l.truth);
+    let [a, b] = span(lines.iter().flat_map(|l| [l.low, l.high, l.truth]));
     let room = 0.06 * (b - a);
     let rows = lines.len();
     area.draw(&Text::new(constant.to_string(), (92, 6), text(12)))?;
@@ -61,7 +61,7 @@ fn panel(area: &Area<'_>, lines: &[&IntervalLine], constant: &str) -> Result<()>
         .x_labels(6)
         .x_label_formatter(&step)
         .draw()?;
-    if let Some(truth) = truth {
+    if truth.is_finite() {
         let line = [(truth, 0.0), (truth, rows as f64)];
         chart.draw_series(LineSeries::new(line, TRUTH.stroke_width(2)))?;
     }

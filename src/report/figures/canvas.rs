@@ -88,7 +88,7 @@ pub struct Stretched {
 }
 
 /// A figure: its file's stem, what it shows in words, and the drawing.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Figure {
     /// File stem in `figures/`.
     pub name: String,

@@ -50,9 +50,8 @@ pub fn ranks(bins: &[RankBin]) -> Result<Option<Figure>> {
 }
 
 pub fn autocorrelation(lags: &[LagPoint]) -> Result<Option<Figure>> {
-    let rho = |l: &LagPoint| l.autocorrelation.unwrap_or(f64::NAN);
     let lags = lags.iter();
-    let mut panels = panels(lags.map(|l| (&l.parameter, 1, (l.lag as f64, rho(l)))));
+    let mut panels = panels(lags.map(|l| (&l.parameter, 1, (l.lag as f64, l.autocorrelation))));
     for panel in &mut panels {
         panel.level = Some(0.0);
         panel.y = [panel.y[0].min(-0.1), 1.0];

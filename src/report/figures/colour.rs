@@ -6,7 +6,7 @@ use plotters::style::RGBColor;
 
 use crate::error::{Error, Result};
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy)]
 pub enum Palette {
     /// Viridis, perceptually uniform (van der Walt and Smith), for a field.
     Field,

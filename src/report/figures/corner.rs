@@ -13,9 +13,10 @@ struct CornerAxis {
     name: String,
     range: [f64; 2],
     marginal: Vec<(f64, f64)>,
-    prior: Option<[f64; 2]>,
-    cut: [Option<f64>; 2],
-    truth: Option<f64>,
+    /// Mean and sd; NaN where they are not known, as the others are.
+    prior: [f64; 2],
+    cut: [f64; 2],
+    truth: f64,
 }
 
 const CELL: u32 = 116;
@@ -64,7 +65,7 @@ fn axes(data: &FigureData) -> Vec<CornerAxis> {
             name: p.parameter.clone(),
             range: span(marginal.iter().map(|m| m.0)),
             marginal,
-            prior: p.prior_mean.zip(p.prior_sd).map(|(m, s)| [m, s]),
+            prior: [p.prior_mean, p.prior_sd],
             cut: [p.cut_low, p.cut_high],
             truth: p.truth,
         }
@@ -88,7 +89,8 @@ fn diagonal(cell: &Area<'_>, axis: &CornerAxis) -> Result<()> {
         axis.marginal.iter().copied(),
         MAIN.stroke_width(2),
     ))?;
-    if let Some([mean, sd]) = axis.prior {
+    let [mean, sd] = axis.prior;
+    if mean.is_finite() {
         let density = |x: f64| {
             let z = (x - mean) / sd;
             (-0.5 * z * z).exp() / (sd * std::f64::consts::TAU.sqrt())
@@ -101,8 +103,8 @@ fn diagonal(cell: &Area<'_>, axis: &CornerAxis) -> Result<()> {
             .plotting_area()
             .draw(&DashedPathElement::new(points, 5, 4, PRIOR.stroke_width(1)))?;
     }
-    let cuts = axis.cut.into_iter().flatten().map(|x| (x, INK));
-    let lines = cuts.chain(axis.truth.map(|x| (x, TRUTH)));
+    let cuts = axis.cut.into_iter().map(|x| (x, INK));
+    let lines = cuts.chain([(axis.truth, TRUTH)]);
     for (x, colour) in lines.filter(|(x, _)| (low..=high).contains(x)) {
         let line = vec![(x, 0.0), (x, top)];
         chart
@@ -140,16 +142,11 @@ fn joint(cell: &Area<'_>, x: &CornerAxis, y: &CornerAxis, bins: &[JointBin]) -> 
             ))?;
         }
     }
-    if let (Some(a), Some(b)) = (x.truth, y.truth) {
-        let inside = |v: f64, r: [f64; 2]| (r[0]..=r[1]).contains(&v);
-        if inside(a, x.range) {
-            let line = vec![(a, y.range[0]), (a, y.range[1])];
-            chart.draw_series(LineSeries::new(line, TRUTH.stroke_width(1)))?;
-        }
-        if inside(b, y.range) {
-            let line = vec![(x.range[0], b), (x.range[1], b)];
-            chart.draw_series(LineSeries::new(line, TRUTH.stroke_width(1)))?;
-        }
+    let inside = |axis: &CornerAxis| (axis.range[0]..=axis.range[1]).contains(&axis.truth);
+    let across = inside(x).then(|| y.range.map(|b| (x.truth, b)));
+    let along = inside(y).then(|| x.range.map(|a| (a, y.truth)));
+    for line in across.into_iter().chain(along) {
+        chart.draw_series(LineSeries::new(line, TRUTH.stroke_width(1)))?;
     }
     frame(cell)
 }

@@ -11,7 +11,7 @@ use crate::numeric::quantile;
 use crate::report::numbers::MapCell;
 
 /// What of a round is mapped.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Mapped {
     Measured,
     Predicted,
@@ -27,15 +27,14 @@ impl Mapped {
 
     /// Its value in a cell; NaN where nothing was measured.
     fn of(self, cell: &MapCell, component: usize) -> f64 {
-        let value = match (self, component) {
+        match (self, component) {
             (Self::Measured, 1) => cell.u1_measured_um,
             (Self::Measured, _) => cell.u2_measured_um,
             (Self::Predicted, 1) => cell.u1_predicted_um,
             (Self::Predicted, _) => cell.u2_predicted_um,
             (Self::Residual, 1) => cell.u1_residual_nm,
             (Self::Residual, _) => cell.u2_residual_nm,
-        };
-        value.unwrap_or(f64::NAN)
+        }
     }
 }
 

@@ -93,7 +93,7 @@ pub fn steps(cells: &[StepCell]) -> Result<Option<Figure>> {
             .filter(|c| c.step == name)
             .map(|c| {
                 let of = [c.u1_residual_nm, c.u2_residual_nm][component - 1];
-                ([c.x_mm, c.y_mm], of.unwrap_or(f64::NAN))
+                ([c.x_mm, c.y_mm], of)
             })
             .collect(),
     };

@@ -3,7 +3,7 @@
 use crate::numeric::range;
 
 /// A regular grid of cells in the data's frame, and the cell of each point.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct FieldCells {
     /// Centres of the columns, mm, ascending.
     pub x: Vec<f64>,

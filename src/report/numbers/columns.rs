@@ -1,13 +1,10 @@
 //! Rows of a table as JSON columns: `{"x_mm": [0, 1], "u1_nm": [3, null]}`, as plotting scripts take them.
 
-use std::path::Path;
-
 use serde::de::{DeserializeOwned, Error as _};
 use serde::ser::Error as _;
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use serde_json::{Map, Value};
 
-use crate::error::Error;
 use crate::files::Keyed;
 
 /// The columns of rows, in the order of the first row's keys.
@@ -44,26 +41,4 @@ pub fn deserialize<'de, D: Deserializer<'de>, T: DeserializeOwned>(
     };
     let rows: serde_json::Result<Vec<T>> = (0..count).map(row).collect();
     rows.map_err(D::Error::custom)
-}
-
-/// The columns of a CSV file, as runs of earlier versions have them; an empty cell is a missing value.
-///
-/// # Errors
-/// The input's fault, with the file, if it cannot be read.
-pub fn from_csv(path: &Path) -> crate::error::Result<Keyed<Vec<Value>>> {
-    let failed = |e| Error::input(path.display(), "a figure's table as CSV").found(e);
-    let mut columns: Keyed<Vec<Value>> = Keyed::new();
-    for row in csv::Reader::from_path(path).map_err(failed)?.deserialize() {
-        let row: Keyed<String> = row.map_err(failed)?;
-        for (name, cell) in row {
-            let number = serde_json::from_str(&cell).ok().filter(Value::is_number);
-            let text = || Value::String(cell.clone());
-            let value = match cell.is_empty() {
-                true => Value::Null,
-                false => number.unwrap_or_else(text),
-            };
-            columns.entry(name).or_default().push(value);
-        }
-    }
-    Ok(columns)
 }

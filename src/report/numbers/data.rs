@@ -4,15 +4,15 @@
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use serde_json::{Map, Value, json};
+use serde_json::{Map, Value};
 
 use super::columns;
 use crate::error::{Error, Result};
 use crate::files;
-use crate::report::json::load;
+use crate::report::json::{load, or_nan};
 
 /// The tables of one round.
-#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[derive(Debug, Default, Serialize, Deserialize)]
 #[serde(default)]
 pub struct FigureData {
     /// Means over cells of the field, row by row from the lowest y.
@@ -112,17 +112,10 @@ impl FigureData {
     /// The input's fault, with the file, if one cannot be read.
     pub fn read(folder: &Path, k: &str) -> Result<Self> {
         let mut all = Map::new();
-        for (figure, tables) in FIGURES {
+        for (figure, _) in FIGURES {
             let name = format!("{figure}-{k}.json");
             if folder.join(&name).exists() {
                 all.extend(load::<Map<String, Value>>(folder, &name)?);
-                continue;
-            }
-            for table in tables {
-                let path = folder.join(format!("{table}-{k}.csv"));
-                if path.exists() {
-                    all.insert((*table).into(), json!(columns::from_csv(&path)?));
-                }
             }
         }
         serde_json::from_value(Value::Object(all)).map_err(|e| {
@@ -144,30 +137,38 @@ pub fn write(folder: &Path, figure: &str, numbers: &Value) -> Result<()> {
 }
 
 /// One cell of the maps, in the data's frame.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 pub struct MapCell {
     pub x_mm: f64,
     pub y_mm: f64,
-    pub u1_measured_um: Option<f64>,
-    pub u1_predicted_um: Option<f64>,
-    pub u1_residual_nm: Option<f64>,
-    pub u2_measured_um: Option<f64>,
-    pub u2_predicted_um: Option<f64>,
-    pub u2_residual_nm: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub u1_measured_um: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u1_predicted_um: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u1_residual_nm: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u2_measured_um: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u2_predicted_um: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u2_residual_nm: f64,
 }
 
 /// One block of one step, in the data's frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct StepCell {
     pub step: String,
     pub x_mm: f64,
     pub y_mm: f64,
-    pub u1_residual_nm: Option<f64>,
-    pub u2_residual_nm: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub u1_residual_nm: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub u2_residual_nm: f64,
 }
 
 /// What a line of the picture of a mesh is.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum MeshPart {
     /// Sides between elements.
@@ -189,7 +190,7 @@ pub enum MeshPart {
 }
 
 /// A point of a line of the picture of a mesh, in the data's frame.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct MeshPoint {
     pub part: MeshPart,
     /// The edge's name.
@@ -201,7 +202,7 @@ pub struct MeshPoint {
 }
 
 /// The relative change of the membrane stiffness at a block, percent, and its sd.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct StiffnessCell {
     pub x_mm: f64,
     pub y_mm: f64,
@@ -210,7 +211,7 @@ pub struct StiffnessCell {
 }
 
 /// One sampled parameter, border units.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct ParameterLine {
     pub parameter: String,
     pub mean: f64,
@@ -220,15 +221,20 @@ pub struct ParameterLine {
     pub median: f64,
     #[serde(rename = "q97.5")]
     pub high: f64,
-    pub prior_mean: Option<f64>,
-    pub prior_sd: Option<f64>,
-    pub cut_low: Option<f64>,
-    pub cut_high: Option<f64>,
-    pub truth: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub prior_mean: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub prior_sd: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub cut_low: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub cut_high: f64,
+    #[serde(deserialize_with = "or_nan")]
+    pub truth: f64,
 }
 
 /// One bin of a marginal density.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct MarginalBin {
     pub parameter: String,
     pub value: f64,
@@ -236,7 +242,7 @@ pub struct MarginalBin {
 }
 
 /// One bin of a joint density, relative to the largest.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct JointBin {
     pub first: String,
     pub second: String,
@@ -246,7 +252,7 @@ pub struct JointBin {
 }
 
 /// One draw of a trace.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct TracePoint {
     pub parameter: String,
     pub ensemble: usize,
@@ -255,7 +261,7 @@ pub struct TracePoint {
 }
 
 /// One twentieth of the ranks: the share of an ensemble's draws in it, 1 where it is as expected.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct RankBin {
     pub parameter: String,
     pub ensemble: usize,
@@ -264,9 +270,10 @@ pub struct RankBin {
 }
 
 /// One lag, in stored draws.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Serialize, Deserialize)]
 pub struct LagPoint {
     pub parameter: String,
     pub lag: usize,
-    pub autocorrelation: Option<f64>,
+    #[serde(deserialize_with = "or_nan")]
+    pub autocorrelation: f64,
 }

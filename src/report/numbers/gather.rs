@@ -18,7 +18,7 @@ use crate::trace::{Round, StepMaps, StiffnessAt};
 
 impl FigureData {
     /// The tables of a round. `truth` is known of simulated data.
-    pub fn gather(round: &Identification, truth: Option<&KnownTruth>) -> Self {
+    pub fn gather(round: &Identification, truth: &KnownTruth) -> Self {
         let draws = &round.draws;
         let ranges: Vec<[f64; 2]> = (0..draws.dim()).map(|p| reach(draws, p)).collect();
         Self {
@@ -36,7 +36,7 @@ impl FigureData {
     }
 
     /// The tables of a round of a loop.
-    pub fn traced(round: &Round, truth: Option<&KnownTruth>) -> Self {
+    pub fn traced(round: &Round, truth: &KnownTruth) -> Self {
         Self {
             steps: steps(round),
             stiffness: stiffness(round),
@@ -45,7 +45,7 @@ impl FigureData {
     }
 
     /// The tables of some variables of the quoted draws.
-    pub fn quoted(draws: &Draws, names: &[String], truth: Option<&KnownTruth>) -> Self {
+    pub fn quoted(draws: &Draws, names: &[String], truth: &KnownTruth) -> Self {
         let columns: Vec<usize> = names.iter().filter_map(|n| draws.index(n)).collect();
         let values = draws.points().flat_map(|x| columns.iter().map(|&c| x[c]));
         let names = columns.iter().map(|&c| draws.names()[c].clone()).collect();
@@ -135,17 +135,14 @@ fn middles(round: &Round, maps: &StepMaps) -> Vec<[f64; 2]> {
         let tile = [0, 1].map(|k| ((p[k] - origin[k]) / size).floor());
         let at = [0, 1].map(|k| origin[k] + (tile[k] + 0.5) * size);
         let at = field.frame.data_point(at);
-        at.map(|v| rounded(v, 5).unwrap_or(v))
+        at.map(|v| rounded(v, 5))
     };
     maps.places.iter().map(middle).collect()
 }
 
-/// As many decimals as a figure shows; `None` if it is not finite.
-fn rounded(value: f64, decimals: usize) -> Option<f64> {
-    format!("{value:.decimals$}")
-        .parse()
-        .ok()
-        .filter(|v: &f64| v.is_finite())
+/// As many decimals as a figure shows.
+fn rounded(value: f64, decimals: usize) -> f64 {
+    format!("{value:.decimals$}").parse().unwrap_or(value)
 }
 
 /// So many significant digits.
@@ -167,7 +164,7 @@ fn maps(round: &Identification) -> Vec<MapCell> {
             cells.mean(|i| NM_PER_MM * of(i).1),
         ]
     });
-    let place = |v: f64| rounded(v, 5).unwrap_or(v);
+    let place = |v: f64| rounded(v, 5);
     let cell = |k: usize| {
         let [u1, u2] = [0, 1].map(|c| [0, 1, 2].map(|w| rounded(means[c][w][k], [5, 5, 2][w])));
         MapCell {
@@ -184,15 +181,17 @@ fn maps(round: &Identification) -> Vec<MapCell> {
     (0..cells.len()).map(cell).collect()
 }
 
-fn parameters(round: &Identification, truth: Option<&KnownTruth>) -> Vec<ParameterLine> {
+fn parameters(round: &Identification, truth: &KnownTruth) -> Vec<ParameterLine> {
     let priors = round.inverse.posed.density.marginals();
     let rows = round.verdict.rows.iter().enumerate();
     rows.map(|(i, row)| parameter(row, priors.get(i), truth))
         .collect()
 }
 
-fn parameter(row: &Row, prior: Option<&Marginal>, truth: Option<&KnownTruth>) -> ParameterLine {
-    let cut = prior.and_then(|p| p.truncate);
+fn parameter(row: &Row, prior: Option<&Marginal>, truth: &KnownTruth) -> ParameterLine {
+    let missing = [f64::NAN; 2];
+    let [prior_mean, prior_sd] = prior.map_or(missing, |p| [p.mean, p.sd]);
+    let [cut_low, cut_high] = prior.and_then(|p| p.truncate).unwrap_or(missing);
     ParameterLine {
         parameter: row.name.clone(),
         mean: row.mean,
@@ -200,11 +199,11 @@ fn parameter(row: &Row, prior: Option<&Marginal>, truth: Option<&KnownTruth>) ->
         low: row.low,
         median: row.median,
         high: row.high,
-        prior_mean: prior.map(|p| p.mean),
-        prior_sd: prior.map(|p| p.sd),
-        cut_low: cut.map(|c| c[0]),
-        cut_high: cut.map(|c| c[1]),
-        truth: truth.and_then(|t| t.of(&row.name)),
+        prior_mean,
+        prior_sd,
+        cut_low,
+        cut_high,
+        truth: truth.of(&row.name).unwrap_or(f64::NAN),
     }
 }
 
@@ -281,7 +280,7 @@ fn densities(draws: &Draws, ranges: &[[f64; 2]]) -> Vec<JointBin> {
                         second: draws.names()[j].clone(),
                         x: centre(ranges[i], JOINT_BINS, cell % JOINT_BINS),
                         y: centre(ranges[j], JOINT_BINS, cell / JOINT_BINS),
-                        relative_density: rounded(d, 4).unwrap_or(d),
+                        relative_density: rounded(d, 4),
                     }),
             );
         }
@@ -334,7 +333,7 @@ fn ranks(draws: &Draws) -> Vec<RankBin> {
                 parameter: name.clone(),
                 ensemble: e + 1,
                 bin: b + 1,
-                relative_count: rounded(count / expected, 4).unwrap_or_default(),
+                relative_count: rounded(count / expected, 4),
             }));
         }
     }

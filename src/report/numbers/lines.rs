@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 /// A 95 % interval of a constant, border units.
-#[derive(Debug, Clone, PartialEq, Serialize)]
+#[derive(Debug, Serialize)]
 pub struct IntervalLine {
     pub parameter: String,
     /// Whose interval it is.
@@ -12,7 +12,7 @@ pub struct IntervalLine {
     pub low: f64,
     pub high: f64,
     /// The true value, where it is known.
-    pub truth: Option<f64>,
+    pub truth: f64,
 }
 
 /// An effect weighed against the residual.
@@ -20,8 +20,8 @@ pub struct IntervalLine {
 pub struct CandidateLine<'a> {
     pub effect: &'a str,
     pub inclusion_probability: f64,
-    pub log_bayes_factor: Option<f64>,
-    pub explained_fraction: Option<f64>,
-    pub detectable: Option<f64>,
+    pub log_bayes_factor: f64,
+    pub explained_fraction: f64,
+    pub detectable: f64,
     pub accepted: bool,
 }

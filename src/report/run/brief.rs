@@ -184,8 +184,10 @@ fn unseen(report: &Report) -> Option<String> {
     };
     let spots = report.blind_spots().iter().filter(of_the_making);
     let shifts = spots.flat_map(|spot| {
-        let size = UNSEEN * spot.detectable.unwrap_or(0.0);
-        let size = size.min(spot.plausible);
+        let size = match spot.detectable.is_finite() {
+            true => (UNSEEN * spot.detectable).min(spot.plausible),
+            false => 0.0,
+        };
         let both = &both;
         let shifted = spot
             .shift_in_percent

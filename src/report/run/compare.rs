@@ -18,7 +18,7 @@ pub fn comparison(runs: &[(String, Page)]) -> Document {
     let header = || std::iter::once("").chain(runs.iter().map(|(name, _)| name.as_str()));
     let pages: Vec<&Page> = runs.iter().map(|(_, page)| page).collect();
     let numbers = RESIDUAL.iter().chain(&CHAINS).map(|(what, number)| {
-        let number = |p: &&Page| TableCell::three(p.report.last().and_then(number));
+        let number = |p: &&Page| TableCell::three(p.report.last().map(number));
         row(*what, pages.iter().map(number))
     });
     let numbers = Table::new("Last round", header(), numbers);

@@ -83,10 +83,9 @@ fn improbable(candidates: &[CandidateReport]) -> String {
 }
 
 fn discrepancy(tracing: &TracingReport) -> Option<String> {
-    let p = tracing.discrepancy_probability?;
-    Some(format!(
-        "Probability of smooth structure that no effect explains: {p:.3}."
-    ))
+    let p = tracing.discrepancy_probability;
+    p.is_finite()
+        .then(|| format!("Probability of smooth structure that no effect explains: {p:.3}."))
 }
 
 fn candidates(candidates: &[CandidateReport]) -> Table {
@@ -129,7 +128,7 @@ fn candidate(found: &CandidateReport) -> Vec<TableCell> {
         aliases.push(format!("{more} more in report.json"));
     }
     let p = found.inclusion_probability;
-    let explained = found.explained_fraction.filter(|_| p >= PROBABLE);
+    let explained = Some(found.explained_fraction).filter(|_| p >= PROBABLE);
     let cells = [
         TableCell::Probability(p),
         TableCell::fixed(found.log_bayes_factor, 1),
@@ -153,7 +152,9 @@ fn group(g: &AliasGroupReport) -> String {
         "{}: probability {:.3}, log evidence lost without it {:.0}, held-out blocks are predicted {better} with it{}",
         g.members.join(" or "),
         g.probability,
-        g.log_evidence_lost_without.unwrap_or(f64::INFINITY),
+        Some(g.log_evidence_lost_without)
+            .filter(|lost| lost.is_finite())
+            .unwrap_or(f64::INFINITY),
         pairs.collect::<String>()
     )
 }

@@ -15,8 +15,8 @@ pub struct MarginalRow<'a> {
     pub found: MeanAndSd,
     /// 2.5 %, 50 % and 97.5 %.
     pub quantiles: [f64; 3],
-    pub rhat: Option<f64>,
-    pub ess_bulk: Option<f64>,
+    pub rhat: f64,
+    pub ess_bulk: f64,
     pub learned: Option<Learned>,
     pub published: Option<MeanAndSd>,
 }

@@ -26,38 +26,38 @@ pub fn names(page: &Page) -> Vec<String> {
 }
 
 /// A number of a round under its name.
-pub type NumberOfRound = (&'static str, fn(&RoundReport) -> Option<f64>);
+pub type NumberOfRound = (&'static str, fn(&RoundReport) -> f64);
 
 /// What of a round's residual is shown.
 pub const RESIDUAL: [NumberOfRound; 9] = [
     ("residual RMS u1 (along the load), nm", |r| {
-        Some(r.residual.rms_nm.u1)
+        r.residual.rms_nm.u1
     }),
-    ("residual RMS u2 (across), nm", |r| {
-        Some(r.residual.rms_nm.u2)
-    }),
-    ("noise u1, nm", |r| Some(r.residual.noise_nm.u1)),
-    ("noise u2, nm", |r| Some(r.residual.noise_nm.u2)),
+    ("residual RMS u2 (across), nm", |r| r.residual.rms_nm.u2),
+    ("noise u1, nm", |r| r.residual.noise_nm.u1),
+    ("noise u2, nm", |r| r.residual.noise_nm.u2),
     ("residual over noise, u1", |r| {
-        Some(r.residual.rms_nm.u1 / r.residual.noise_nm.u1)
+        r.residual.rms_nm.u1 / r.residual.noise_nm.u1
     }),
     ("residual over noise, u2", |r| {
-        Some(r.residual.rms_nm.u2 / r.residual.noise_nm.u2)
+        r.residual.rms_nm.u2 / r.residual.noise_nm.u2
     }),
     ("reduced chi^2 of the block averages", |r| {
-        Some(r.residual.chi2_reduced)
+        r.residual.chi2_reduced
     }),
-    ("held-out RMS, nm", |r| r.residual.holdout_rms_nm),
+    ("held-out RMS, nm", |r| {
+        r.residual.holdout_rms_nm.unwrap_or(f64::NAN)
+    }),
     ("structured share of the variance", |r| {
-        Some(r.residual.structured_fraction)
+        r.residual.structured_fraction
     }),
 ];
 
 /// The residual of rounds against the noise.
 pub fn residual(rounds: &[RoundReport], names: &[String]) -> Table {
     let rows = RESIDUAL.iter().filter_map(|(what, number)| {
-        let numbers: Vec<Option<f64>> = rounds.iter().map(number).collect();
-        let any = numbers.iter().any(Option::is_some);
+        let numbers: Vec<f64> = rounds.iter().map(number).collect();
+        let any = numbers.iter().any(|n| n.is_finite());
         any.then(|| row(*what, numbers.into_iter().map(TableCell::three)))
     });
     Table::new("residual against the noise", header(names), rows)

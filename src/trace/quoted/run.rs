@@ -11,15 +11,13 @@ use super::variables::Completed;
 use crate::chain::Draws;
 use crate::diagnose::{Row, Rule, Verdict, diagnose};
 use crate::error::{Error, Result};
-use crate::files::{KeptStages, Keyed, Stored, stored};
+use crate::files::{KeptStages, Keyed, to_bytes};
 use crate::identify::{Options, forward, reaches};
 use crate::infer::Marginal;
 use crate::linearise::{Forward, Sensitivities};
 use crate::numeric::diagonal;
 use crate::parameter::Parameter;
-use crate::posterior::{
-    About, CoarseForwards, Full, FullModels, Importance, LinearisationPoint, TestExpansion,
-};
+use crate::posterior::{About, CoarseForwards, Full, FullModels, Importance, TestExpansion};
 use crate::progress::{Progress, Silent};
 use crate::sample::{
     self, Ensemble, Key, LogDensity, Outcome, POOR, Regime, Sampler, Schedule, Start, Stream,
@@ -59,11 +57,6 @@ pub struct Proposals {
     /// Share that the chains accepted; none where they were poor and the ensemble sampled in their place.
     pub accepted: Option<f64>,
 }
-
-stored!(Proposals {
-    effective,
-    accepted
-});
 
 /// What is kept of an answer.
 type SampledAnswer = ((Draws, Verdict), (Option<Proposals>, Importance));
@@ -193,12 +186,7 @@ pub fn with_density(round: &Round, act: Showing<'_>) -> Result<()> {
 /// The linearisation of the identification, where tracing has not moved from it.
 fn known(round: &Round) -> Option<Sensitivities> {
     let inverse = &round.identification.inverse;
-    let bytes = |point: &LinearisationPoint| {
-        let mut bytes = Vec::new();
-        point.put(&mut bytes);
-        bytes
-    };
-    let is_same = bytes(&round.traced.point) == bytes(&inverse.point);
+    let is_same = to_bytes(&round.traced.point).ok()? == to_bytes(&inverse.point).ok()?;
     is_same.then(|| inverse.sensitivities.clone())
 }
 
@@ -215,8 +203,7 @@ fn sampled(
     let coarse = round.identification.inverse.coarse.as_ref();
     let coarse =
         coarse.map(|c| c.forwards(&round.model, prepared, &round.traced.evidence.measured));
-    let mut of = traced.bytes(&round.model);
-    round.tracing.averaged.put(&mut of);
+    let made_of = to_bytes(&(traced.made_of(&round.model), &round.tracing.averaged))?;
     let Some(kept) = which.first().map(|first| options(*first).stages()) else {
         return Ok(Vec::new());
     };
@@ -231,11 +218,11 @@ fn sampled(
     let expand = || meshes.expanded();
     let test = AnsweredTest {
         meshes: &meshes,
-        expanded: Arc::new(kept.stage("slopes", &of, expand, progress)?),
+        expanded: Arc::new(kept.stage("slopes", &made_of, expand, progress)?),
     };
     let mut answers = Vec::new();
     for &supposing in which {
-        answers.push(test.answer(supposing, &options(supposing), &of)?);
+        answers.push(test.answer(supposing, &options(supposing), &made_of)?);
     }
     prepared.problem.experiment.rest();
     Ok(answers)
@@ -291,13 +278,12 @@ impl AnsweredTest<'_> {
         &self,
         supposing: Supposing,
         options: &Options<'_>,
-        of: &[u8],
+        made_of: &[u8],
     ) -> Result<AnswerDraws> {
-        let mut own = of.to_vec();
         let Schedule {
             max_draws, thin, ..
         } = options.schedule;
-        own.extend(format!("{:?} {max_draws} {thin:?}", options.rule).bytes());
+        let own = (made_of, format!("{:?} {max_draws} {thin:?}", options.rule));
         let make = || self.sampled(supposing, options);
         // what a deadline cuts off is no finished stage
         let kept = match options.deadline {

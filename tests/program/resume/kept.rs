@@ -54,7 +54,7 @@ fn a_file_too_large_leaves_the_chains_and_resume_goes_on() {
     let bench = Bench::new();
     let model = model();
     let run = |out: &str, limit: Option<u32>, more: &[&str]| {
-        let mut all = vec!["identify", &model, "--data", "data", "--out", out];
+        let mut all = vec!["identify", &model, "--data", "data", "--csv", "--out", out];
         all.extend(["--min-ess", "1e9", "--max-draws", "200000"]);
         all.extend(more);
         let plain = bench.command(&all);
