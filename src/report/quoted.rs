@@ -1,4 +1,4 @@
-//! The sampled posterior to quote, as `report.json` has it: its answers, how the closed form differs, what trades against what.
+//! The sampled posterior to quote, as `report.json` has it: its answers, what trades against what.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,15 +8,13 @@ use crate::chain::Draws;
 use crate::parameter::{Parameter, ParameterKind};
 use crate::posterior::Importance;
 use crate::posterior::importance::FAR;
-use crate::trace::{Closed, Interval, Proposals, ToQuote, closed_forms};
+use crate::trace::{Closed, Interval, Proposals, ToQuote};
 
 /// What was sampled for the quoted constants; its draws are `averaged/chain.zarr`.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct QuotedReport {
     /// One answer, or the three that the quoted intervals span.
     pub answers: Vec<QuotedAnswer>,
-    /// Constants whose sampled interval differs from the closed form's, by more than a tenth of an sd or of its width.
-    pub apart: Vec<ClosedFormDifference>,
     /// Amplitudes that go with a constant over the draws, the strongest first.
     pub trades: Vec<Trade>,
     /// What the widths of the intervals come from, the largest first.
@@ -29,8 +27,6 @@ pub struct QuotedAnswer {
     /// `small`, `all` or `none`: how large effects are that are not declared.
     pub name: String,
     pub constants: Keyed<Interval>,
-    /// The same in closed form: a mixture of normals, by sensitivities at one point.
-    pub closed_form: Keyed<Interval>,
     pub converged: bool,
     /// Whether the chains have converged, in words.
     pub convergence: String,
@@ -41,17 +37,6 @@ pub struct QuotedAnswer {
     pub full_model: Importance,
 }
 
-/// A constant of an answer that is not what the closed form makes of it.
-#[derive(Debug, Serialize, Deserialize)]
-pub struct ClosedFormDifference {
-    pub answer: String,
-    pub constant: String,
-    /// Sampled less closed mean, closed sds.
-    pub shift_sd: f64,
-    /// Sampled sd over the closed one.
-    pub sd_ratio: f64,
-}
-
 /// Something that stands in for a constant, or against it.
 #[derive(Debug, Serialize, Deserialize)]
 pub struct Trade {
@@ -59,10 +44,6 @@ pub struct Trade {
     pub with: String,
     pub correlation: f64,
 }
-
-/// Differences that are said.
-const SHIFT: f64 = 0.1;
-const WIDTH: f64 = 0.1;
 
 /// Correlations that are said, and how many.
 const LEAST: f64 = 0.2;
@@ -73,11 +54,9 @@ pub fn quoted(closed: &Closed) -> Option<QuotedReport> {
     let ToQuote::Sampled(sampled) = &closed.to_quote else {
         return None;
     };
-    let mut closed_forms = closed_forms(&closed.rounds, &closed.conclusion).into_iter();
     let answers = sampled.answers.iter().map(|a| QuotedAnswer {
         name: a.name.into(),
         constants: a.intervals(),
-        closed_form: closed_forms.next().unwrap_or_default(),
         converged: a.verdict.converged,
         convergence: a.verdict.line(),
         proposals: a.proposals,
@@ -91,25 +70,10 @@ pub fn quoted(closed: &Closed) -> Option<QuotedReport> {
         .map(|r| &r.name)
         .collect();
     Some(QuotedReport {
-        apart: answers.iter().flat_map(apart).collect(),
         trades: trades(&sampled.draws, &constants),
         sources: sources(&sampled.draws, &constants),
         answers,
     })
-}
-
-fn apart(answer: &QuotedAnswer) -> Vec<ClosedFormDifference> {
-    let pairs = answer.constants.iter();
-    let pairs = pairs.filter_map(|(name, s)| Some((name, s, answer.closed_form.get(name)?)));
-    let one = |(name, s, c): (&String, &Interval, &Interval)| ClosedFormDifference {
-        answer: answer.name.clone(),
-        constant: name.clone(),
-        shift_sd: (s.mean - c.mean) / c.sd,
-        sd_ratio: s.sd / c.sd,
-    };
-    let differs =
-        |a: &ClosedFormDifference| a.shift_sd.abs() > SHIFT || (a.sd_ratio - 1.0).abs() > WIDTH;
-    pairs.map(one).filter(differs).collect()
 }
 
 /// Amplitudes that go with the constants.
@@ -206,23 +170,7 @@ impl QuotedReport {
         if !how.is_empty() {
             said += &format!(" ({})", how.join("; "));
         }
-        said += match self.apart.is_empty() {
-            true => ", and the closed form agrees.",
-            false => "; the closed form, by sensitivities at one point, differs:",
-        };
-        for a in &self.apart {
-            said += &format!(
-                " {} by {:+.2} sd, width x {:.2}{};",
-                a.constant,
-                a.shift_sd,
-                a.sd_ratio,
-                if self.answers.len() > 1 {
-                    format!(" (answer {})", a.answer)
-                } else {
-                    String::new()
-                }
-            );
-        }
+        said.push('.');
         for answer in &self.answers {
             let of = match self.answers.len() {
                 1 => String::new(),

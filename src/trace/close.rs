@@ -81,7 +81,7 @@ impl Explained {
 }
 
 /// The constants by each answer to quote, in closed form.
-pub fn closed_forms(rounds: &[Round], conclusion: &Conclusion) -> Vec<Keyed<Interval>> {
+fn closed_forms(rounds: &[Round], conclusion: &Conclusion) -> Vec<Keyed<Interval>> {
     match &conclusion.suspect {
         Some(suspect) => {
             let answers = suspect.answers.iter();

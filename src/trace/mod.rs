@@ -37,7 +37,7 @@ pub mod wedge;
 
 pub use attribute::attribute;
 pub use averaged::{BlindSpot, Interval};
-pub use close::{Closed, Explained, LoopStage, ToQuote, close, closed_forms, explain, finished};
+pub use close::{Closed, Explained, LoopStage, ToQuote, close, explain, finished};
 pub use conclusion::{Conclusion, FORCE_UNSEEN, texts};
 pub use evidence::LARGEST_MULTIPLE;
 pub use extend::extended;
