@@ -6,7 +6,7 @@ use serde_json::Value;
 
 use super::file::{CampaignFile, RunOptions, RunSpec, Verb};
 use super::pattern;
-use super::plan::Run;
+use super::run::Run;
 use crate::error::{Error, Result};
 use crate::experiment::check_name;
 use crate::files::Keyed;

@@ -2,7 +2,8 @@
 
 use std::path::PathBuf;
 
-use super::plan::{Plan, Run};
+use super::plan::Plan;
+use super::run::Run;
 use super::status::{CampaignPlaces, RunState};
 use crate::error::Result;
 use crate::progress::Progress;

@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 use super::children::Children;
 use super::engine::{Campaign, Engine, Resources};
 use super::manifest;
-use super::plan::Run;
 use super::process;
+use super::run::Run;
 use crate::error::{Error, Result, locked};
 use crate::progress::Progress;
 

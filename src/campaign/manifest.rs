@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::engine::Campaign;
-use super::plan::{Plan, Run};
+use super::plan::Plan;
+use super::run::Run;
 use super::status::{CampaignPlaces, RunState, RunStatus};
 use crate::error::{Error, Result};
 use crate::files::{self, Keyed};

@@ -12,6 +12,7 @@ pub mod pattern;
 mod plan;
 pub mod population;
 mod process;
+mod run;
 mod settle;
 mod slurm;
 mod status;
@@ -20,7 +21,7 @@ pub mod sweep;
 use crate::error::{Error, Result};
 
 pub use engine::{Campaign, Cluster, Engine, Resources};
-pub use plan::Run;
+pub use run::Run;
 pub use settle::{Asked, name_of, settle};
 pub use slurm::in_queue;
 pub use status::{CampaignPlaces, RunState};

@@ -8,7 +8,7 @@ use std::time::Instant;
 
 use super::children::Children;
 use super::engine::Campaign;
-use super::plan::Run;
+use super::run::Run;
 use super::status::RunState;
 use crate::error::{Error, Result, TO_BE_RESUMED};
 

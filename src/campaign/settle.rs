@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use super::engine::{Campaign, Resources};
 use super::file::CampaignFile;
-use super::plan::{Plan, Run};
+use super::plan::Plan;
+use super::run::Run;
 use super::status::{CampaignPlaces, RunState};
 use crate::error::{Error, Result};
 use crate::files::{absolute, make_folder};

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
-use super::plan::Run;
+use super::run::Run;
 use crate::error::Result;
 use crate::files::{self, unwritable};
 use crate::report::manifest::Manifest;

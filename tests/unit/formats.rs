@@ -1,12 +1,11 @@
 //! Chain stores and exports: round trips here, and other people's readers where Python has them.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::common::python;
 use plychain::chain::{
-    Chains, Draws, Layout, Store, StoreReader, read_csv, read_getdist, read_zarr, write_csv,
-    write_getdist, write_npz, write_stan, write_zarr,
+    Draws, Layout, Store, StoreReader, read_csv, read_getdist, read_zarr, write_csv, write_getdist,
+    write_npz, write_stan, write_zarr,
 };
 
 /// Four chains of 90 draws that differ in every number.
@@ -127,60 +126,6 @@ fn a_store_is_as_large_as_its_draws() {
         let taken = size(&path) - metadata;
         // coordinates and the headers of files
         assert!(taken < numbers + room, "{name}: {taken} bytes");
-    }
-}
-
-/// The stores of earlier versions were not compressed.
-#[test]
-fn raw_stores_are_read_and_gone_on_with() {
-    let place = tempfile::tempdir().unwrap();
-    let path = place.path().join("chain.zarr");
-    let draws = draws();
-    let mut first = Store::create(&path, layout(&draws), serde_json::json!({})).unwrap();
-    append(&draws, &[40], &mut first);
-    let stored = (first.draws(), first.digest());
-    first.finalize(&[0.5; 4]).unwrap();
-    for file in files(&path) {
-        let bytes = std::fs::read(&file).unwrap();
-        let mut raw = Vec::new();
-        if file.ends_with("zarr.json") {
-            fn without(value: &mut serde_json::Value) {
-                if let Some(codecs) = value.get_mut("codecs") {
-                    codecs.as_array_mut().unwrap().truncate(1);
-                }
-                let below = value.pointer_mut("/consolidated_metadata/metadata");
-                let below = below.into_iter().flat_map(|m| m.as_object_mut().unwrap());
-                below.for_each(|(_, array)| without(array));
-            }
-            let mut metadata = serde_json::from_slice(&bytes).unwrap();
-            without(&mut metadata);
-            raw = serde_json::to_vec(&metadata).unwrap();
-        } else {
-            let mut packed = flate2::read::GzDecoder::new(&bytes[..]);
-            packed.read_to_end(&mut raw).unwrap();
-        }
-        std::fs::write(&file, raw).unwrap();
-    }
-    assert_eq!(read_zarr(&path, None).unwrap().draws(), 40);
-    let again = serde_json::json!({});
-    let mut second =
-        Store::reopen(&path, layout(&draws), again, stored, &mut |_, _, _| {}).unwrap();
-    append(&draws, &[50], &mut second);
-    second.finalize(&[0.5; 4]).unwrap();
-    same(&draws, &read_zarr(&path, None).unwrap());
-    let chunk = path.join("posterior/nu12/c/0/0");
-    let numbers = std::fs::read(chunk).unwrap();
-    assert_eq!(
-        numbers[8..16],
-        draws.point(0, 1)[1].to_le_bytes(),
-        "raw as before"
-    );
-    // chain by chain, in any order
-    let reader = StoreReader::open(&path).unwrap();
-    for chain in [2, 0, 3, 1] {
-        let one = reader.chain(chain).unwrap();
-        assert_eq!(one.values(), draws.chain(chain).unwrap().values());
-        assert_eq!(one.lp(), draws.chain(chain).unwrap().lp());
     }
 }
 
