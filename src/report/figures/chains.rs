@@ -1,4 +1,4 @@
-//! How the chains behaved: traces, ranks, autocorrelation.
+//! How the chains behaved: traces and ranks.
 
 use indexmap::IndexMap;
 use plotters::prelude::*;
@@ -6,7 +6,7 @@ use plotters::prelude::*;
 use super::canvas::{Area, Figure, GRID, INK, SERIES, draw, span, step, text};
 use crate::error::Result;
 use crate::report::json::Keyed;
-use crate::report::numbers::{LagPoint, RankBin, TracePoint};
+use crate::report::numbers::{RankBin, TracePoint};
 
 /// Panels of a parameter each, in rows of so many.
 const ACROSS: usize = 3;
@@ -47,17 +47,6 @@ pub fn ranks(bins: &[RankBin]) -> Result<Option<Figure>> {
     }
     let alt = "Rank plots: the share of each ensemble's draws in twenty bins of the ranks among all draws, relative to equal shares; level lines mean that the ensembles agree";
     grid(panels, alt, ["rank, twentieths", ""])
-}
-
-pub fn autocorrelation(lags: &[LagPoint]) -> Result<Option<Figure>> {
-    let lags = lags.iter();
-    let mut panels = panels(lags.map(|l| (&l.parameter, 1, (l.lag as f64, l.autocorrelation))));
-    for panel in &mut panels {
-        panel.level = Some(0.0);
-        panel.y = [panel.y[0].min(-0.1), 1.0];
-    }
-    let alt = "Autocorrelation of the walkers by lag in stored draws";
-    grid(panels, alt, ["lag, stored draws", ""])
 }
 
 /// A panel for each title and in it a line for each number, in their order.

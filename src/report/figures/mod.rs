@@ -56,10 +56,6 @@ pub fn all(page: &Page) -> Result<Vec<Figure>> {
             ("corner", corner::corner(data)?),
             ("trace", chains::traces(&data.trace)?),
             ("rank", chains::ranks(&data.rank)?),
-            (
-                "autocorrelation",
-                chains::autocorrelation(&data.autocorrelation)?,
-            ),
         ];
         let named = drawn
             .into_iter()

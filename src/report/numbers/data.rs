@@ -41,13 +41,10 @@ pub struct FigureData {
     /// Ranks of each ensemble's draws among all draws (Vehtari et al. 2021).
     #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
     pub rank: Vec<RankBin>,
-    /// Autocorrelation of the walkers.
-    #[serde(with = "columns", skip_serializing_if = "Vec::is_empty")]
-    pub autocorrelation: Vec<LagPoint>,
 }
 
 /// The tables of each figure.
-const FIGURES: [(&str, &[&str]); 8] = [
+const FIGURES: [(&str, &[&str]); 7] = [
     ("maps", &["maps"]),
     ("steps", &["steps"]),
     ("stiffness", &["stiffness"]),
@@ -55,7 +52,6 @@ const FIGURES: [(&str, &[&str]); 8] = [
     ("corner", &["parameters", "marginals", "corner"]),
     ("trace", &["trace"]),
     ("rank", &["rank"]),
-    ("autocorrelation", &["autocorrelation"]),
 ];
 
 /// Significant digits of a figure's numbers: more than any figure shows, and less room than all.
@@ -267,13 +263,4 @@ pub struct RankBin {
     pub ensemble: usize,
     pub bin: usize,
     pub relative_count: f64,
-}
-
-/// One lag, in stored draws.
-#[derive(Debug, Serialize, Deserialize)]
-pub struct LagPoint {
-    pub parameter: String,
-    pub lag: usize,
-    #[serde(deserialize_with = "or_nan")]
-    pub autocorrelation: f64,
 }

@@ -2,12 +2,12 @@
 
 use super::cells::FieldCells;
 use super::data::{
-    FigureData, JointBin, LagPoint, MapCell, MarginalBin, MeshPoint, ParameterLine, RankBin,
-    StepCell, StiffnessCell, TracePoint,
+    FigureData, JointBin, MapCell, MarginalBin, MeshPoint, ParameterLine, RankBin, StepCell,
+    StiffnessCell, TracePoint,
 };
 use super::mesh::lines;
 use crate::chain::Draws;
-use crate::diagnose::{Row, Rule, autocorrelation, diagnose};
+use crate::diagnose::{Row, Rule, diagnose};
 use crate::field::blocks::origin;
 use crate::identify::Identification;
 use crate::infer::Marginal;
@@ -31,7 +31,6 @@ impl FigureData {
             corner: densities(draws, &ranges),
             trace: traces(draws),
             rank: ranks(draws),
-            autocorrelation: autocorrelations(draws),
         }
     }
 
@@ -338,20 +337,4 @@ fn ranks(draws: &Draws) -> Vec<RankBin> {
         }
     }
     rows
-}
-
-/// Lags of an autocorrelation, at most.
-const LAGS: usize = 100;
-
-fn autocorrelations(draws: &Draws) -> Vec<LagPoint> {
-    let of = |(p, name): (usize, &String)| {
-        let rho = autocorrelation(&draws.series(p), LAGS);
-        let line = |(lag, rho): (usize, &f64)| LagPoint {
-            parameter: name.clone(),
-            lag,
-            autocorrelation: rounded(*rho, 5),
-        };
-        rho.iter().enumerate().map(line).collect::<Vec<_>>()
-    };
-    draws.names().iter().enumerate().flat_map(of).collect()
 }

@@ -10,7 +10,7 @@ mod mesh;
 pub use cells::FieldCells;
 pub use columns::columns;
 pub use data::{
-    FigureData, JointBin, LagPoint, MapCell, MeshPart, MeshPoint, ParameterLine, RankBin, StepCell,
+    FigureData, JointBin, MapCell, MeshPart, MeshPoint, ParameterLine, RankBin, StepCell,
     StiffnessCell, TracePoint, write,
 };
 pub use lines::{CandidateLine, IntervalLine};

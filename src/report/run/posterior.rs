@@ -154,6 +154,6 @@ pub fn convergence(page: &Page) -> Section {
             )));
     }
     let last = page.report.rounds.len().saturating_sub(1);
-    let figures = ["trace", "rank", "autocorrelation"];
+    let figures = ["trace", "rank"];
     section.with_all(figures.map(|what| Piece::figure(format!("{what}-{last}"))))
 }
