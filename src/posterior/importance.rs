@@ -343,7 +343,6 @@ impl PosedDraws<'_> {
 }
 
 /// What a density, by its columns on a mesh, leaves of the data where the test was linearised, with the amplitudes that it had there.
-/// Those of effects that the density leaves out are there too: `here` has their columns.
 fn left_at_linearisation(
     posed: &Posed,
     columns: &[DMatrix<f64>; 2],
@@ -354,13 +353,7 @@ fn left_at_linearisation(
     let own = posed.kept.iter();
     let own = own.map(|&k| all.get(k).map_or(0.0, |c| at(c)));
     let own = DVector::from_iterator(posed.kept.len(), own);
-    let mut left = posed.left_by(columns, &posed.density.start().0, &own);
-    for (_, column) in (all.iter().enumerate()).filter(|(k, _)| !posed.kept.contains(k)) {
-        for (left, values) in left.iter_mut().zip(&column.values) {
-            left.axpy(-at(column), values, 1.0);
-        }
-    }
-    left
+    posed.left_by(columns, &posed.density.start().0, &own)
 }
 
 /// The k-th of draws that lie evenly over all `count` of them, however many of them are taken (multiples of the golden ratio).

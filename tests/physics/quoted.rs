@@ -15,7 +15,6 @@ use plychain::trace::{Explained, Quoted, explain, quote};
 
 use crate::common::{coarse, python, succeed};
 use crate::loops::options;
-use crate::tracing::{Noise, measured};
 
 fn closed(model: &Model) -> Explained {
     let sampler = (SAMPLERS[0].build)();
@@ -132,24 +131,6 @@ fn both_samplers_agree_with_the_closed_form() {
         "{square} of {}",
         errors.len()
     );
-}
-
-/// An answer that leaves out an effect about which the test was linearised is held against the full model without it.
-#[test]
-#[ignore = "slow: run by .ci/run"]
-fn an_answer_without_an_effect_is_that_of_the_full_model_without_it() {
-    let closed = closed(&measured(&["magnification=0.2"], Noise::White, 21));
-    let point = &closed.rounds[0].traced.point;
-    assert!(
-        !point.state.shared.acting().is_empty(),
-        "about an amplitude"
-    );
-    let sampler = (SAMPLERS[0].build)();
-    let quoted = quote(&closed.rounds, true, &|_| options(&*sampler), &Silent).unwrap();
-    let without = quoted.answers.iter().find(|a| a.name == "none").unwrap();
-    let shift = without.importance.largest();
-    // beyond this draws are not moved to the full model, and a warning says so
-    assert!(shift.is_some_and(|(_, s)| s[0].abs() < 0.3), "{shift:?}");
 }
 
 /// One seed, one posterior, for any number of threads.

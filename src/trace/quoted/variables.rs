@@ -54,8 +54,8 @@ impl PosedAnswer<'_> {
         distinct(&names)
     }
 
-    /// The draws of the answer's density with all that was integrated out of it drawn, in border units, and how they fare under the `full`
-    /// model, by which they are moved where that is more than its error.
+    /// The draws of the answer's density with all that was integrated out of it drawn, in border units, and how those of the account itself fare
+    /// under the `full` model, by which they are moved where that is more than its error. Other answers only widen an interval.
     ///
     /// # Errors
     /// Of the program, for draws of another density.
@@ -85,7 +85,10 @@ impl PosedAnswer<'_> {
             points: &points,
             drawn: &found,
         };
-        let mut importance = of.importance(full)?;
+        let mut importance = match self.supposing {
+            Supposing::Small => of.importance(full)?,
+            _ => Importance::default(),
+        };
         let by = of.correction(&importance);
         importance.corrected = by.iter().any(|by| *by != 0.0);
         let mut values = Vec::new();
