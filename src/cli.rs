@@ -40,7 +40,7 @@ mod study;
 mod table_options;
 mod validate;
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use clap::{Args, Parser, Subcommand};
 
@@ -131,7 +131,7 @@ enum Command {
     Man(manual::ManArguments),
 }
 
-/// Where runs and cached reduced models are kept.
+/// Where runs are kept.
 const RUNS: &str = "runs";
 
 /// The default model, whose sample measurement lies beside it.
@@ -153,11 +153,6 @@ impl Command {
         Some(model)
     }
 }
-
-fn cache() -> PathBuf {
-    PathBuf::from(RUNS).join(".cache")
-}
-
 pub fn run(cli: Cli) -> Result<()> {
     if let Some(threads) = cli.global.threads {
         rayon::ThreadPoolBuilder::new()

@@ -60,41 +60,6 @@ impl DerefMut for Lanes {
     }
 }
 
-/// Parameters of a vector of points. Not a closure: those are compiled for themselves, without the instructions that
-/// vectors need.
-pub trait Parameters<S: pulp::Simd> {
-    /// One parameter of all points.
-    fn get(&self, simd: S, k: usize) -> S::f64s;
-}
-
-/// A vector of points whose parameters lie parameter by parameter.
-#[derive(Clone, Copy)]
-pub struct Together<'a> {
-    /// Parameter k of point i is number k `stride` + i.
-    pub values: &'a [f64],
-    /// From parameter to parameter; no less than the number of points.
-    pub stride: usize,
-    /// Which vector of points.
-    pub vector: usize,
-}
-
-impl<S: pulp::Simd> Parameters<S> for Together<'_> {
-    #[inline(always)]
-    fn get(&self, _simd: S, k: usize) -> S::f64s {
-        S::as_simd_f64s(&self.values[k * self.stride..]).0[self.vector]
-    }
-}
-
-/// One point, in every lane.
-pub struct Repeated<'a>(pub &'a [f64]);
-
-impl<S: pulp::Simd> Parameters<S> for Repeated<'_> {
-    #[inline(always)]
-    fn get(&self, simd: S, k: usize) -> S::f64s {
-        simd.splat_f64s(self.0[k])
-    }
-}
-
 /// The number in the first lane.
 #[inline(always)]
 pub fn first<S: pulp::Simd>(_simd: S, x: S::f64s) -> f64 {

@@ -7,14 +7,14 @@ use serde_json::json;
 
 use super::console::Console;
 use super::folder::Folder;
-use super::{DEFAULT_MODEL, cache, print, results};
+use super::{DEFAULT_MODEL, print, results};
 use crate::error::{Error, Result};
 use crate::experiment::State;
 use crate::fem::Certificate;
 use crate::identify::{self, Prepared};
 use crate::infer::Model;
 use crate::progress::Progress;
-use crate::reduce::spread_over;
+use crate::reduce::{ReducedModel, spread_over};
 use crate::report::tables;
 use crate::section::terminal;
 
@@ -47,19 +47,20 @@ pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
         arguments.out.as_deref(),
         &format!("{}-build", model.file.name),
     )?;
-    let prepared = identify::prepare(&model, &cache(), console)?;
-    print(&terminal(&tables::sections(&prepared.reduced)))?;
+    let prepared = identify::prepare(&model, console)?;
+    let reduced = ReducedModel::of(&prepared.problem, console)?;
+    print(&terminal(&tables::sections(&reduced)))?;
     let certificates = certify(&prepared, console)?;
     if prepared.problem.experiment.given().is_none() {
         print(&terminal(&[tables::basis_section(&certificates)]))?;
     }
     let mut value = json!({
         "schema": SCHEMA,
-        "tables": tables::numbers(&prepared.reduced),
+        "tables": tables::numbers(&reduced),
         "reduced_basis": tables::basis_numbers(&certificates),
     });
     results(&value)?;
-    value["model"] = serde_json::to_value(&prepared.reduced)
+    value["model"] = serde_json::to_value(&reduced)
         .map_err(|e| Error::program("reduced_model.json", "numbers that JSON can hold").found(e))?;
     folder.write_json("reduced_model.json", &value)?;
     print(&format!("\nwritten to {}\n", folder.path().display()))?;

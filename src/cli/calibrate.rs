@@ -6,7 +6,7 @@ use clap::Args;
 use serde_json::json;
 
 use super::console::Console;
-use super::{cache, print, results};
+use super::{print, results};
 use crate::error::{Error, Result};
 use crate::files;
 use crate::infer::Model;
@@ -100,7 +100,7 @@ pub fn run(plans: &[CalibrationPlan], out: &Path, model: &Model, console: &Conso
     let mut all = Vec::new();
     for plan in plans {
         let folder = out.join(format!("calibration-{}mm", plan.correlation_mm));
-        let found = calibrate(model, plan, (&cache(), &folder), console)?;
+        let found = calibrate(model, plan, &folder, console)?;
         if plan.share != [1, 1] {
             print(&format!(
                 "{} of {} replicates done, {} mm; the same command without --task makes the table\n",

@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::console::Console;
 use super::folder::check_run;
 use super::running::{RunPlan, Running};
-use super::{Global, cache, field_run, print, results, study};
+use super::{Global, field_run, print, results, study};
 use crate::chain::check_stores;
 use crate::error::{Error, Result};
 use crate::files;
@@ -145,7 +145,7 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
 /// Trace what is left of a field whose results are in a folder: the file that says so, and what it holds.
 fn traced_field(place: &Path, model: &Model, console: &Console) -> Result<(PathBuf, Value)> {
     let alone = alone(place, model)?;
-    let prepared = crate::identify::prepare(model, &cache(), console)?;
+    let prepared = crate::identify::prepare(model, console)?;
     let inverse = crate::identify::inverse_problem(model, prepared, console)?;
     let (tracing, _) = trace::attribute(model, &inverse, &|_| true, console)?;
     let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));

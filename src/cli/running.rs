@@ -10,7 +10,7 @@ use sha2::{Digest, Sha256};
 use super::console::{Console, line};
 use super::folder::{Folder, verb};
 use super::samplers::SamplerOptions;
-use super::{DEFAULT_MODEL, Global, cache, print};
+use super::{DEFAULT_MODEL, Global, print};
 use crate::chain::{Draws, write_csv};
 use crate::diagnose::{Rule, Verdict};
 use crate::error::{Error, Result};
@@ -164,7 +164,7 @@ impl RunPlan {
             rule: self.rule,
             keeping: Some(Keeping::within(place, self.identity.clone(), self.resume)),
             deadline: self.deadline,
-            ..Options::new(&*self.sampler, cache())
+            ..Options::new(&*self.sampler)
         }
     }
 

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::console::Console;
-use super::{DEFAULT_MODEL, cache, print};
+use super::{DEFAULT_MODEL, print};
 use crate::bridge::{BoundServer, HostedModel, ModelAnswer, serve};
 use crate::effect::amplitude_name;
 use crate::error::{Error, Result};
@@ -46,7 +46,7 @@ pub fn run(arguments: &ServeArguments, console: &Console) -> Result<()> {
             Error::input(place, "a model of one field").found(format!("{} fields", models.len()))
         );
     };
-    let prepared = prepare(model, &cache(), console)?;
+    let prepared = prepare(model, console)?;
     let inverse = inverse_problem(model, prepared, console)?;
     let names = inverse.posed.density.names();
     let unknowns = unknowns(model);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::console::Console;
 use super::running::{RunPlan, written_to};
-use super::{cache, field_run, print, results};
+use super::{field_run, print, results};
 use crate::chain::{Draws, read_zarr};
 use crate::diagnose::Verdict;
 use crate::error::Result;
@@ -171,7 +171,7 @@ pub fn report_again(folder: &Path) -> Result<()> {
     let study = Study::load(&folder.join("model.json"))?;
     let draws = read_zarr(&folder.join("chain.zarr"), None)?;
     let sampler = Ensemble::default();
-    report.sections = sections(&study, &draws, &Options::new(&sampler, cache()))?;
+    report.sections = sections(&study, &draws, &Options::new(&sampler))?;
     let truth = KnownTruth::load(folder)?;
     files::replace(&folder.join("report.html"), page(&report, &draws, &truth)?)
 }

@@ -12,7 +12,7 @@ use super::field_run::write_identified;
 use super::folder::{Folder, check_run, say_round};
 use super::running::{identity, named_range};
 use super::samplers::named;
-use super::{DEFAULT_MODEL, Global, cache, print, results};
+use super::{DEFAULT_MODEL, Global, print, results};
 use crate::chain::{Draws, read_zarr, write_zarr};
 use crate::diagnose::{Row, Rule, diagnose};
 use crate::error::{Error, Result};
@@ -80,7 +80,7 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
     let options = Options {
         schedule,
         keeping: Some(Keeping::within(folder.path(), identity, false)),
-        ..Options::new(&*sampler, cache())
+        ..Options::new(&*sampler)
     };
     let found = identify::identify(&model, &options, console)?;
     let page = write_identified(&model, std::slice::from_ref(&found), &folder, global.seed)?;
@@ -118,7 +118,7 @@ fn run_folder(arguments: &ValidateArguments, global: &Global, console: &Console)
     let model = Model::load_with(&path.join("model.json"), None)?;
     check_run(path, &model)?;
     let draws = read_zarr(&path.join("chain.zarr"), None)?;
-    let prepared = identify::prepare(&model, &cache(), console)?;
+    let prepared = identify::prepare(&model, console)?;
     let inverse = identify::inverse_problem(&model, prepared, console)?;
     if draws.names() != inverse.posed.density.names() {
         return Err(Error::input(

@@ -21,7 +21,7 @@ pub use ess::{ess_bulk, ess_mean, ess_quantile, ess_tail};
 pub use importance::{Weighed, weigh};
 pub use mcse::{mcse_mean, mcse_quantile, mcse_sd};
 pub use rhat::rhat;
-pub use tau::{autocorrelation, tau};
+pub use tau::tau;
 pub use transform::{mean, sd, sorted};
 pub use transitions::{TransitionFault, transitions};
 pub use verdict::{Row, Rule, Verdict, diagnose};

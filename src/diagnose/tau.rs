@@ -34,16 +34,6 @@ pub fn tau_error(series: &ScalarDraws, tau: f64) -> f64 {
     (2.0 * (2.0 * window + 1.0) / series.values.len() as f64).sqrt()
 }
 
-/// Autocorrelation at lags 0 to `most`, estimated as for [`tau`]; empty where that is NaN.
-pub fn autocorrelation(series: &ScalarDraws, most: usize) -> Vec<f64> {
-    let Some(mut autocovariance) = pooled(series) else {
-        return Vec::new();
-    };
-    autocovariance.truncate(most + 1);
-    let variance = autocovariance[0];
-    autocovariance.iter().map(|c| c / variance).collect()
-}
-
 /// Mean autocovariance of the walkers about their ensemble's mean; `None` for series of no use or no variance.
 fn pooled(series: &ScalarDraws) -> Option<Vec<f64>> {
     if !usable(series) {

@@ -419,18 +419,9 @@ impl Places for FieldExperiment {
 }
 
 impl Spanning for FieldExperiment {
-    fn serialisation(&self) -> serde_json::Value {
-        let scene = &self.scene;
-        let shape = format!("{:?}", scene.setup.geometry);
-        serde_json::json!([self.test, shape, scene.material, scene.setup.yield_stress])
-    }
-
-    fn plate_of(&self, test: &FieldTest, scene: &Scene) -> Option<Arc<Plate>> {
-        let specimen = |test: &FieldTest, scene: &Scene| {
-            let shape = format!("{:?}", scene.setup.geometry);
-            serde_json::json!([test.specimen, test.load, test.density, shape])
-        };
-        let is_same = specimen(&self.test, &self.scene) == specimen(test, scene);
+    fn plate_of(&self, test: &FieldTest) -> Option<Arc<Plate>> {
+        let of = |test: &FieldTest| serde_json::json!([test.specimen, test.load, test.density]);
+        let is_same = of(&self.test) == of(test);
         is_same.then(|| Arc::clone(&self.plate))
     }
 

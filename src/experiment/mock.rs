@@ -137,11 +137,6 @@ impl Places for MockExperiment {
 }
 
 impl Spanning for MockExperiment {
-    fn serialisation(&self) -> serde_json::Value {
-        let setup = format!("{:?}", self.scene.setup);
-        serde_json::json!(["mock", setup, self.scene.material, self.gauge, self.window])
-    }
-
     fn mesh_size(&self) -> [usize; 2] {
         [0, 0]
     }

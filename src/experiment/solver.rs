@@ -161,11 +161,8 @@ pub trait Places: Send + Sync {
 
 /// What makes many predictions cheap: a reduced basis, or snapshots of another program.
 pub trait Spanning: Send + Sync {
-    /// Everything that determines the prediction, for the key under which a reduced model is kept.
-    fn serialisation(&self) -> serde_json::Value;
-
-    /// The mesh of the specimen with what was solved on it, for a test of the same one; none where the own finite elements do not answer.
-    fn plate_of(&self, _test: &FieldTest, _scene: &Scene) -> Option<Arc<Plate>> {
+    /// The mesh of the specimen with what was solved on it, for a test of the same model; none where the own finite elements do not answer.
+    fn plate_of(&self, _test: &FieldTest) -> Option<Arc<Plate>> {
         None
     }
 

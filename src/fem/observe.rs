@@ -261,11 +261,6 @@ impl Observer {
         self.averages.as_ref().map_or(self.places.len(), Vec::len)
     }
 
-    /// Whether there are no points.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// Put the points into another order: point k is from now on what point `order[k]` was.
     pub fn reorder(&mut self, order: &[usize]) {
         match &mut self.averages {

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use nalgebra::{DMatrix, DVector};
+use nalgebra::DVector;
 
 use super::measured::{Field, bounds};
 use super::places::BlockPoints;
@@ -171,27 +171,6 @@ impl Blocks {
             *sum /= worth;
         }
         sums
-    }
-
-    /// A polynomial of total degree 1 or 2 on every square of side `size_mm`: the columns indicator x {1, s', t'} or
-    /// {1, s', t', s'^2, s' t', t'^2}, about the square's centre and in units of its side. They keep smooth misfit out of
-    /// an estimate of short-range noise. Some columns may depend on others where a square holds few blocks.
-    pub fn local_polynomials(&self, size_mm: f64, degree: usize) -> DMatrix<f64> {
-        let squares = tile_members(&self.centroid, size_mm, |_| true);
-        let terms = if degree < 2 { 3 } else { 6 };
-        let mut columns = DMatrix::zeros(self.len(), terms * squares.len());
-        for (square, m) in squares.values().enumerate() {
-            let mean = [0, 1]
-                .map(|k| m.iter().map(|&b| self.centroid[b][k]).sum::<f64>() / m.len() as f64);
-            for &b in m {
-                let [s, t] = [0, 1].map(|k| (self.centroid[b][k] - mean[k]) / size_mm);
-                let values = [1.0, s, t, s * s, s * t, t * t];
-                for (term, value) in values[..terms].iter().enumerate() {
-                    columns[(b, terms * square + term)] = *value;
-                }
-            }
-        }
-        columns
     }
 }
 

@@ -8,6 +8,7 @@ use super::reduction::With;
 use super::{jumps, phase};
 use crate::effect::{Effect, RecordingError, amplitude_name, of_recording, recorded_column};
 use crate::error::Result;
+use crate::experiment::predict;
 use crate::field::{Blocks, Field};
 use crate::infer::{Model, Observation, RecordedAmplitude};
 use crate::noise::residual_of_fit;
@@ -20,8 +21,7 @@ pub fn without_jumps(with: &With<'_>, mut observation: Observation) -> Result<Ob
     let Some((order_mm, _)) = order_mm(with.model).zip(declared) else {
         return Ok(observation);
     };
-    let columns = with.reduced.columns(with.experiment, &observation.sight);
-    let predicted = with.reduced.field(&columns, &with.nominal);
+    let predicted = predict(with.experiment, &with.nominal, &observation.sight)?.field;
     let jumps = jumps::find(&observation.field, &predicted, order_mm);
     jumps.correct(&mut observation.field);
     let smeared = |i: usize| jumps.smeared.binary_search(&i).is_ok();
@@ -38,7 +38,7 @@ pub fn without_phase_error(with: &With<'_>, mut observation: Observation) -> Res
     else {
         return Ok(observation);
     };
-    let modes = with.reduced.columns(with.experiment, &observation.sight);
+    let modes = with.modes(&observation)?;
     let left = residual_of_fit(&observation.field, &modes);
     let measured = &observation.field.displacement;
     let fitted: Vec<[f64; 2]> = measured

@@ -71,13 +71,9 @@ pub(super) fn inverse_problem_kept(
     kept: &KeptStages,
     progress: &dyn Progress,
 ) -> Result<InverseProblem> {
-    let modes = prepared.modes();
-    check_size(
-        &prepared.observation.field,
-        &prepared.reduced,
-        &modes,
-        &nominal_point(&prepared.problem, model),
-    )?;
+    let problem = &prepared.problem;
+    let nominal = prepared.predict(&problem.state(&nominal_point(problem, model)))?;
+    check_size(&prepared.observation.field, &nominal.field)?;
     let measured = blocks_of(&prepared, &prepared.observation.field);
     let coarse = CoarseTest::new(model, &prepared, &measured)?;
     let step = || progress.step();
@@ -155,7 +151,7 @@ fn noise_of_a_point(
     let weights = steps.map(Steps::weights).unwrap_or_default();
     let at = weighing.noise.of_sum(&chosen.pair, &weights);
     let of_subsets = observation.field.subset_mm.is_some() && steps.is_some();
-    let noise = Noise::over(&observation.field, &prepared.modes(), (at, of_subsets))?;
+    let noise = Noise::over(&observation.field, &prepared.modes()?, (at, of_subsets))?;
     progress.say(&format!(
         "{:.3} and {:.3} nm a point, n_eff {:.0}",
         noise.point_sd_nm(0),

@@ -2,6 +2,7 @@
 
 mod coarse;
 pub mod doubts;
+mod fields;
 mod force;
 mod forward;
 pub mod fringes;

@@ -1,6 +1,5 @@
-//! The measurement on the plate that is to be solved, with a reduced model of it.
+//! The measurement on the plate that is to be solved.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use crate::error::Result;
@@ -13,20 +12,19 @@ use crate::geometry::Geometry;
 use crate::infer::{Model, Observation, drawn_in, problem_of, problem_within};
 use crate::posterior::Weighing;
 use crate::progress::Progress;
-use crate::reduce::{Problem, ReducedModel, cache};
+use crate::reduce::{Problem, design};
 
+use super::fields::modes;
 use super::fringes::{without_jumps, without_phase_error};
 use super::own_rotation::own_rotation;
 use super::reduction::{Reduction, With};
 
-/// A reduced model and the measurement it is held against.
+/// The specimen that is to be solved and the measurement it is held against.
 #[derive(Clone)]
 pub struct Prepared {
-    /// The problem it solves.
     pub problem: Problem,
-    pub reduced: ReducedModel,
-    /// Whether it came from the cache.
-    pub cached: bool,
+    /// States spread over the box of the constants.
+    pub states: Vec<State>,
     /// The measurement on the plate.
     pub observation: Observation,
     /// What later rounds need not make again.
@@ -112,19 +110,22 @@ impl Prepared {
         predict(&*self.problem.experiment, state, &self.observation.sight)
     }
 
-    /// Modes at the measured points, those of u1, then of u2, mm a mm of coefficient.
-    pub fn modes(&self) -> Vec<Vec<[f64; 2]>> {
+    /// Columns at the measured points that span what the constants make of them, those of u1, then of u2.
+    ///
+    /// # Errors
+    /// Those of a finite-element solution.
+    pub fn modes(&self) -> Result<Vec<Vec<[f64; 2]>>> {
         let experiment = &*self.problem.experiment;
-        self.reduced.columns(experiment, &self.observation.sight)
+        modes(experiment, &self.states, &self.observation.sight)
     }
 }
 
-/// Read the measurement and obtain the reduced model for it.
+/// Read the measurement, and span what the specimen can show of it.
 ///
 /// # Errors
 /// Those of reading the measurement, of finite-element solutions and of `REDUCTIONS`.
-pub fn prepare(model: &Model, cache_dir: &Path, progress: &dyn Progress) -> Result<Prepared> {
-    prepare_from(model, None, (cache_dir, progress))
+pub fn prepare(model: &Model, progress: &dyn Progress) -> Result<Prepared> {
+    prepare_from(model, None, progress)
 }
 
 /// The same from where an earlier round left the test.
@@ -134,7 +135,7 @@ pub fn prepare(model: &Model, cache_dir: &Path, progress: &dyn Progress) -> Resu
 pub fn prepare_from(
     model: &Model,
     begun: Option<Begun>,
-    (cache_dir, progress): (&Path, &dyn Progress),
+    progress: &dyn Progress,
 ) -> Result<Prepared> {
     let shared = begun.as_ref().map(|b| &b.workbench);
     let measurement = match shared {
@@ -153,25 +154,32 @@ pub fn prepare_from(
     };
     if let Some(sides) = drawn_in(model) {
         progress.begin(
-            "box of the reduced model drawn in, because no ply is beyond nu12^2 = E1/E2",
+            "box of the constants drawn in, because no ply is beyond nu12^2 = E1/E2",
             None,
         );
         progress.say(&sides);
         progress.end();
     }
-    let (reduced, cached) = cache::obtain(&problem, cache_dir, progress)?;
+    let experiment = &*problem.experiment;
+    let rows = match problem.given() {
+        Some(given) => given.rows.to_vec(),
+        None => design(&problem),
+    };
+    let states: Vec<State> = rows.iter().map(|row| problem.state(row)).collect();
+    progress.begin("reduced basis of the finite elements", None);
+    experiment.span(&states)?;
+    progress.end();
     let with = With {
         model,
-        reduced: &reduced,
-        experiment: &*problem.experiment,
-        nominal: nominal_point(&problem, model),
+        experiment,
+        states: &states,
+        nominal: problem.state(&nominal_point(&problem, model)),
     };
     let mut steps = REDUCTIONS.iter();
     let observation = steps.try_fold(observation, |observation, step| step(&with, observation))?;
     Ok(Prepared {
         problem,
-        reduced,
-        cached,
+        states,
         observation,
         workbench,
         begun,
@@ -181,10 +189,11 @@ pub fn prepare_from(
 /// In this order: a region of miscounted orders would be taken for outliers, and outliers for a ripple.
 const REDUCTIONS: [Reduction; 3] = [without_jumps, without_deviant_points, without_phase_error];
 
-/// Drop points that lie far from what the reduced model can predict, where the measurement asks for it.
+/// Drop points that lie far from what the specimen can show, where the measurement asks for it.
 fn without_deviant_points(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
     if with.model.experiment().measurement.outliers == OutlierRule::Reject {
-        observation.drop_deviant_points(with.reduced, with.experiment);
+        let modes = with.modes(&observation)?;
+        observation.drop_deviant_points(&modes);
     }
     Ok(observation)
 }

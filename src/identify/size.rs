@@ -3,7 +3,6 @@
 use crate::error::{Error, Result};
 use crate::experiment::{Gauge, Sight, gauged};
 use crate::field::Field;
-use crate::reduce::ReducedModel;
 
 /// Largest ratio of the measured displacements to the model's that is not a mistake in the units.
 const MOST_RATIO: f64 = 5.0;
@@ -11,21 +10,15 @@ const MOST_RATIO: f64 = 5.0;
 /// Fields of a smaller cosine differ by more than a factor, which no mistake in the units makes.
 const SIMILAR: f64 = 0.8;
 
-/// A field many times too large, too small, or of the wrong sign for the model's own constants (`nominal`, a point of
-/// the reduced model's parameters) is a mistake in the units, the axes or the load, and no posterior should come of it.
+/// A field many times too large, too small, or of the wrong sign for what the model's own constants make it is a mistake in the units, the
+/// axes or the load, and no posterior should come of it.
 ///
 /// # Errors
 /// Of the input, naming the component and its ratio to the model's.
-pub fn check_size(
-    field: &Field,
-    reduced: &ReducedModel,
-    modes: &[Vec<[f64; 2]>],
-    nominal: &[f64],
-) -> Result<()> {
+pub fn check_size(field: &Field, predicted: &[[f64; 2]]) -> Result<()> {
     let points = Sight::anywhere(&field.points, &[]);
-    let predicted = reduced.field(modes, nominal);
     let [predicted, measured] =
-        [&predicted, &field.displacement].map(|u| gauged(Gauge::Window, &points, u));
+        [predicted, &field.displacement].map(|u| gauged(Gauge::Window, &points, u));
     for (c, direction) in ["u1, along the load", "u2, across it"].iter().enumerate() {
         let dot = |a: &[[f64; 2]]| {
             a.iter()

@@ -1,6 +1,5 @@
 //! One identification: reduced model, observation, noise, posterior, chains, residual.
 
-use std::path::PathBuf;
 use std::time::Instant;
 
 use nalgebra::DVector;
@@ -40,8 +39,6 @@ pub struct Options<'a> {
     pub schedule: Schedule,
     /// When the draws are good enough.
     pub rule: Rule,
-    /// Directory of cached reduced models.
-    pub cache: PathBuf,
     /// Where the chains are kept while the run goes.
     pub keeping: Option<Keeping>,
     /// When to stop sampling in any case.
@@ -51,13 +48,12 @@ pub struct Options<'a> {
 }
 
 impl<'a> Options<'a> {
-    /// The defaults of the program, with this sampler; reduced models are kept in the directory `cache` and used again.
-    pub fn new(sampler: &'a dyn Sampler, cache: impl Into<PathBuf>) -> Self {
+    /// The defaults of the program, with this sampler.
+    pub fn new(sampler: &'a dyn Sampler) -> Self {
         Self {
             sampler,
             schedule: Schedule::default(),
             rule: Rule::default(),
-            cache: cache.into(),
             keeping: None,
             deadline: None,
             doubting: Doubting::Unasked,
@@ -101,7 +97,7 @@ pub fn identify_from(
     options: &Options<'_>,
     progress: &dyn Progress,
 ) -> Result<Identification> {
-    let prepared = prepare_from(model, begun, (&options.cache, progress))?;
+    let prepared = prepare_from(model, begun, progress)?;
     let doubts = doubted(model, &prepared, (options.doubting, progress))?;
     let hint = |e: Error| match doubts.first() {
         Some(doubt) if e.blame() == Blame::Input => e.hint(doubt),

@@ -18,13 +18,6 @@ const BOX_SDS: f64 = 3.0;
 /// Smallest modulus of the default DoE box as a fraction of its prior mean.
 const SMALLEST_MODULUS: f64 = 0.25;
 
-/// The priors' means +- 3 sd, never below a quarter of a modulus' mean, and drawn in to what is admissible.
-pub fn prior_box(model: &Model) -> Vec<Dimension> {
-    let mut sides = wide_box(model);
-    draw_in(model.material(), &model.means(), &mut sides, &|_| false);
-    sides
-}
-
 /// What is drawn in of the constants' box because a ply could not be there; none if nothing is.
 pub fn drawn_in(model: &Model) -> Option<String> {
     let mut sides = wide_box(model);

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::effect::{Effect, EffectParameter, Kind, Scope};
+use crate::effect::{Effect, EffectParameter, Scope};
 use crate::experiment::series::Law;
 use crate::parameter::Parameter;
 
@@ -54,11 +54,6 @@ impl EffectUnderLaw {
     /// Whether its amplitude has a share of its own in each step.
     pub fn varies(&self) -> bool {
         self.law.is_some() || self.effect.scope() == Scope::Force
-    }
-
-    /// Whether it takes part in a series by columns over its steps.
-    pub fn is_stepped(&self) -> bool {
-        self.effect.kind() != Kind::Recorded && !self.effect.is_force_scale()
     }
 
     /// Its amplitude in each step over the one that is stated; of a free one, one set for each step. Without a law all steps share one

@@ -70,7 +70,7 @@ fn experiment_on(
         // a simulation asks for one field
         full_order: model.file.reduced_model.full_order || finer > 1.0,
     };
-    let plate = known.and_then(|known| known.plate_of(&test, &scene));
+    let plate = known.and_then(|known| known.plate_of(&test));
     let own = match plate {
         Some(plate) => FieldExperiment::on(plate, test, scene)?,
         None => FieldExperiment::new(test, scene)?,

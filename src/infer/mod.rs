@@ -16,7 +16,7 @@ mod steps;
 mod supplied;
 mod tension;
 
-pub use design_box::{drawn_in, may_have_side, prior_box};
+pub use design_box::{drawn_in, may_have_side};
 pub use effect_under_law::{Amplitude, EffectUnderLaw};
 pub use experiment::{
     coarse_experiment, experiment_over, moved_experiment_over, problem_of, problem_within,

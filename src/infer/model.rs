@@ -6,13 +6,13 @@ use std::sync::Arc;
 use super::known::Known;
 use super::prior::Marginal;
 use super::schema::{ExperimentEntry, ModelFile, ModelOutline};
-use crate::effect::{Acting, Effect, Kind, Scene, amplitude_name, force_scale, obstacle};
+use crate::effect::{Acting, Effect, Scene, amplitude_name, obstacle};
 use crate::error::{Error, Result};
 use crate::experiment::{ExperimentSpec, State, Subsets, check_gauge};
 use crate::fem::Setup;
 use crate::field::{Field, of_settings};
 use crate::files::absolute;
-use crate::laminate::{Material, MeanSd};
+use crate::laminate::Material;
 use crate::reduce::SnapshotsSpec;
 
 /// A validated model and where it came from.
@@ -263,25 +263,6 @@ impl Model {
         self.material().constants()
     }
 
-    /// Declared effects that need fields of their own, from the finite elements: mechanical and optical ones.
-    pub fn sampled(&self) -> Vec<&'static dyn Effect> {
-        self.effects
-            .iter()
-            .filter(|e| !matches!(e.kind(), Kind::Additive | Kind::Recorded))
-            .filter(|e| !self.is_stepped(**e))
-            .copied()
-            .collect()
-    }
-
-    /// Declared effects that add a known field.
-    pub fn additive(&self) -> Vec<&'static dyn Effect> {
-        self.effects
-            .iter()
-            .filter(|e| e.kind() == Kind::Additive && !self.is_stepped(**e))
-            .copied()
-            .collect()
-    }
-
     /// Standard deviation of the normal prior of parameter `k` of an effect, in its unit: the model's, or the
     /// dictionary's; `None` where nothing bounds it. That of the yield stress is what the material declares, if it does.
     pub fn prior_sd(&self, effect: &dyn Effect, k: usize) -> Option<f64> {
@@ -307,20 +288,6 @@ impl Model {
             .prior_sd_before_camera(k, scene)
             .or_else(|| self.prior_sd(effect, k))
             .unwrap_or(FREE_MM)
-    }
-
-    /// The thickness with the load's uncertainty in its sd, mm: a field under a prescribed force depends on their ratio alone. Without the
-    /// load where its scale is declared as an effect of its own. Of a series the forces of the steps have errors of their own beside it.
-    pub fn loaded_thickness_mm(&self) -> MeanSd {
-        let MeanSd { mean, sd } = self.experiment().specimen.thickness_mm;
-        let declared = self.effects.iter().any(|e| e.is_force_scale());
-        let percent = self.prior_sd(force_scale(), 0).filter(|_| !declared);
-        let percent = percent.unwrap_or(0.0).hypot(self.own_forces_percent());
-        let load = mean * 0.01 * percent;
-        MeanSd {
-            mean,
-            sd: sd.hypot(load),
-        }
     }
 
     /// Whether every specimen has some of an effect: by its nature, or as `plausible` declares it of a manufacturing error.

@@ -6,7 +6,6 @@ use crate::experiment::{FieldSolver, Sight, StepForces};
 use crate::field::deviant::deviant_points;
 use crate::field::{Field, Reason, Series};
 use crate::noise::residual_of_fit;
-use crate::reduce::ReducedModel;
 
 /// The measured points on the plate.
 #[derive(Clone)]
@@ -90,15 +89,10 @@ impl Observation {
         self.field.retain(Reason::Outlier, &keep)
     }
 
-    /// Drop points whose residual from a least-squares fit of the modes and any affine displacement contradicts the
+    /// Drop points whose residual from a least-squares fit of some modes (u1's, then u2's) and any affine displacement contradicts the
     /// residuals around them. Returns how many went.
-    pub fn drop_deviant_points(
-        &mut self,
-        reduced: &ReducedModel,
-        experiment: &dyn FieldSolver,
-    ) -> usize {
-        let modes = reduced.columns(experiment, &self.sight);
-        let residual = residual_of_fit(&self.field, &modes);
+    pub fn drop_deviant_points(&mut self, modes: &[Vec<[f64; 2]>]) -> usize {
+        let residual = residual_of_fit(&self.field, modes);
         let deviant = deviant_points(&self.field.points, &residual);
         self.drop_outliers(|i| !deviant[i])
     }

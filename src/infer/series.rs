@@ -2,7 +2,6 @@
 
 use super::effect_under_law::EffectUnderLaw;
 use super::model::Model;
-use super::steps::with_the_load;
 use crate::effect::{Effect, Scope};
 use crate::error::{Error, Result};
 use crate::experiment::series::Law;
@@ -37,27 +36,6 @@ impl Model {
         }
     }
 
-    /// Sd of the force to which what grows with the load belongs, by the errors that declared forces have each in its own step, percent.
-    pub(super) fn own_forces_percent(&self) -> f64 {
-        let experiment = self.experiment();
-        let steps = experiment.steps.iter().flatten();
-        let declared: Vec<f64> = steps.filter_map(|s| s.force_n).collect();
-        let loaded = declared.iter().filter(|f| **f != 0.0).count();
-        if loaded == 0 {
-            return 0.0;
-        }
-        let weights = with_the_load(&declared);
-        let shares = declared.iter().zip(&weights).map(|(f, w)| (f * w).powi(2));
-        experiment.forces().sd_percent * shares.sum::<f64>().sqrt()
-    }
-
-    /// Declared effects of a series that take part by columns over its steps, beside rigid motion in the plane, which every step has.
-    pub fn stepped(&self) -> Vec<EffectUnderLaw> {
-        let stepped = self.effects.iter().filter(|e| self.is_stepped(**e));
-        let other = stepped.filter(|e| !e.is_rigid());
-        other.map(|e| self.under_law(*e)).collect()
-    }
-
     /// A declared effect of a series with its law.
     pub fn under_law(&self, effect: &'static dyn Effect) -> EffectUnderLaw {
         let moves = effect.scope() == Scope::Motion;
@@ -66,15 +44,5 @@ impl Model {
             effect,
             law: moves.then_some(law.unwrap_or(Law::Load)),
         }
-    }
-
-    /// Whether an effect acts by steps in this model.
-    pub(super) fn is_stepped(&self, effect: &'static dyn Effect) -> bool {
-        let several = self
-            .experiment()
-            .steps
-            .as_ref()
-            .is_some_and(|s| s.len() > 1);
-        several && self.under_law(effect).is_stepped()
     }
 }

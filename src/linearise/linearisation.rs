@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::column::{Column, StepStack};
 use super::forward::Forward;
 use super::observing::{ObservedAbout, quotient};
-use crate::effect::{Scene, Scope, amplitude_name, force_scale};
+use crate::effect::{Scene, amplitude_name, force_scale};
 use crate::error::Result;
 use crate::experiment::series::SeriesState;
 use crate::experiment::{Direction, Softening};
@@ -35,24 +35,6 @@ impl Linearisation<'_> {
     /// Those of a finite-element solution.
     pub fn predicted(&self) -> Result<StepStack> {
         self.observed.predicted()
-    }
-
-    /// The same without the effects that are `declared`.
-    ///
-    /// # Errors
-    /// Those of a finite-element solution.
-    pub fn without(&self, declared: &[EffectUnderLaw]) -> Result<StepStack> {
-        let mut state = self.at.clone();
-        state.moving.clear();
-        for effect in declared {
-            state.remove(effect.effect);
-        }
-        let mut scopes = declared.iter().map(|e| e.effect.scope());
-        // without a force the response to it is another where that is not linear
-        if scopes.any(|s| matches!(s, Scope::Mechanical | Scope::Force)) {
-            return self.forward.shown(&state);
-        }
-        Ok(self.observed.reported(&state, self.scene()))
     }
 
     /// What changes of the stiffness do.

@@ -25,7 +25,7 @@ pub use forward::{CandidateColumns, Forward};
 pub use insoluble::{Insoluble, insoluble, without_insoluble};
 pub use measured::{Loading, Measured, relative};
 pub use observing::Observing;
-pub use ridge::{CONVERGED, STEPS, constants_moved};
+pub use ridge::{CONVERGED, STEPS};
 pub use sensitivities::{Candidate, Sensitivities};
 pub use slopes::Slopes;
 pub use sought::{acting_in, candidates, is_of_a_rotation, lift_of, shares};

@@ -96,11 +96,6 @@ impl Noise {
     pub fn whiten(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
         self.covariance[c].whiten(columns) / self.at[c].scale2.sqrt()
     }
-
-    /// The inverse of [`Noise::whiten`].
-    pub fn colour(&self, columns: &DMatrix<f64>, c: usize) -> DMatrix<f64> {
-        self.covariance[c].colour(columns) * self.at[c].scale2.sqrt()
-    }
 }
 
 /// Variance of the points of one component about their blocks' averages, mm^2, whatever they are correlated by; outliers do not count.

@@ -25,11 +25,6 @@ impl Dimension {
     pub fn at(&self, fraction: f64) -> f64 {
         self.low + fraction * (self.high - self.low)
     }
-
-    /// Whether a value lies in the box.
-    pub fn contains(&self, value: f64) -> bool {
-        (self.low..=self.high).contains(&value)
-    }
 }
 
 /// Latin hypercube of `n` points (each `dims` long) in the unit cube: every coordinate has one point in each of

@@ -1,6 +1,5 @@
 //! The reduced model: Latin hypercube, snapshots, POD, response surfaces.
 
-pub mod cache;
 mod cross;
 mod design;
 mod model;
@@ -20,7 +19,7 @@ pub use modes::Modes;
 pub use pod::{Pod, decompose};
 pub use problem::{Problem, ReducedSpec, SnapshotsSpec};
 pub use snapshot_experiment::SnapshotExperiment;
-pub use snapshots::{Snapshots, rows_to_solve, spread_over};
+pub use snapshots::{Snapshots, design, rows_to_solve, spread_over};
 pub use supplied::{SuppliedSpec, doe_text, is_solved_for, ranges};
 pub use surface::{Quality, Surface};
 pub use variables::{Choice, Variables};

@@ -6,12 +6,12 @@ use super::cross::{CrossValidation, leave_one_out};
 use super::design::Dimension;
 use super::pod;
 use super::problem::Problem;
-use super::snapshots::Snapshots;
+use super::snapshots::{Snapshots, design};
 use super::surface::Surface;
 use super::variables::{Choice, Variables};
 use crate::error::Result;
-use crate::experiment::{FieldSolver, Sight, gauged};
 use crate::files::Keyed;
+use crate::progress::Progress;
 
 /// A reduced model, as it is saved.
 #[derive(Debug, Clone, Serialize, Deserialize)]
@@ -36,6 +36,25 @@ pub struct ReducedModel {
 const TABLED: usize = 12;
 
 impl ReducedModel {
+    /// Of a problem: of its design, solved by its finite elements or given.
+    ///
+    /// # Errors
+    /// Those of finite-element solutions and of [`ReducedModel::build`].
+    pub fn of(problem: &Problem, progress: &dyn Progress) -> Result<Self> {
+        let given = problem.given();
+        let rows = given.map_or_else(|| design(problem), |given| given.rows.to_vec());
+        progress.begin("finite-element snapshots", Some(rows.len() as u64));
+        let snapshots = match given {
+            Some(given) => Snapshots::of(problem, rows, given.fields),
+            None => Snapshots::at(problem, rows, &|| progress.step())?,
+        };
+        progress.end();
+        progress.begin("modes and response surfaces", None);
+        let model = Self::build(problem, &snapshots);
+        progress.end();
+        model
+    }
+
     /// Build from snapshots: POD of each component, then the response surface with the smaller held-out error.
     pub fn build(problem: &Problem, snapshots: &Snapshots) -> Result<Self> {
         let (first, second) = rayon::join(
@@ -93,35 +112,6 @@ impl ReducedModel {
     /// Modes kept for each component.
     pub fn modes_per_component(&self) -> usize {
         self.modes[0].len()
-    }
-
-    /// The modes as columns at a sight's points, under the experiment's gauge: `columns[k][i]` = (u1, u2) of column k at
-    /// point i, mm a mm of coefficient; columns of u1's modes, then of u2's.
-    pub fn columns(&self, experiment: &dyn FieldSolver, sight: &Sight) -> Vec<Vec<[f64; 2]>> {
-        let mut columns = [Vec::new(), Vec::new()];
-        for (first, second) in self.modes[0].iter().zip(&self.modes[1]) {
-            let both: Vec<[f64; 2]> = first.iter().zip(second).map(|(&a, &b)| [a, b]).collect();
-            let all = experiment.spread(&both, sight);
-            for (c, columns) in columns.iter_mut().enumerate() {
-                let mut own = vec![[0.0; 2]; all.len()];
-                for (own, u) in own.iter_mut().zip(&all) {
-                    own[c] = u[c];
-                }
-                columns.push(gauged(experiment.gauge(), sight, &own));
-            }
-        }
-        columns.concat()
-    }
-
-    /// The surfaces' prediction of the field from [`ReducedModel::columns`] at a point of the design, mm.
-    pub fn field(&self, columns: &[Vec<[f64; 2]>], point: &[f64]) -> Vec<[f64; 2]> {
-        let mut field = vec![[0.0; 2]; columns.first().map_or(0, Vec::len)];
-        for (column, a) in columns.iter().zip(self.surface.evaluate(point)) {
-            for (sum, u) in field.iter_mut().zip(column) {
-                *sum = [sum[0] + a * u[0], sum[1] + a * u[1]];
-            }
-        }
-        field
     }
 }
 

@@ -24,7 +24,6 @@ pub struct SnapshotExperiment {
     fields: Vec<Vec<[f64; 2]>>,
     /// Of more modes than a posterior is sampled with.
     model: ReducedModel,
-    hash: String,
 }
 
 /// Modes of a component that a prediction is made of: beyond them there is the rounding of the files.
@@ -65,7 +64,6 @@ impl SnapshotExperiment {
             rows: supplied.rows.clone(),
             fields,
             model,
-            hash: supplied.hash.clone(),
         })
     }
 
@@ -229,10 +227,6 @@ impl Places for SnapshotExperiment {
 }
 
 impl Spanning for SnapshotExperiment {
-    fn serialisation(&self) -> serde_json::Value {
-        serde_json::json!(["snapshots", self.hash, self.own.serialisation()])
-    }
-
     fn mesh_size(&self) -> [usize; 2] {
         [0, 0]
     }

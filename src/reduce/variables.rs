@@ -91,49 +91,6 @@ impl Variables {
         }
     }
 
-    /// Every variable before scaling: the index of a parameter (the thickness among them), and whether it is divided by
-    /// the first parameter.
-    pub fn terms(&self) -> Vec<(usize, bool)> {
-        let mut terms = match (self.choice, self.material) {
-            (Choice::Plain, _) => return (0..self.count()).map(|k| (k, false)).collect(),
-            (Choice::Ratios, Material::Ply) => vec![(1, true), (2, false), (3, true)],
-            (Choice::Ratios, Material::Isotropic) => vec![(1, false)],
-        };
-        terms.extend(
-            (terms.len()..self.count())
-                .enumerate()
-                .map(|(k, _)| (self.constants + k, false)),
-        );
-        terms
-    }
-
-    /// Middle and half-width of the design along each parameter, the thickness among them. The first parameter has an
-    /// infinite width where it is in the factor alone, which holds for any value.
-    pub fn design(&self) -> Vec<[f64; 2]> {
-        let terms = self.terms();
-        let indices = terms.iter().map(|(k, _)| *k).chain(self.thickness);
-        let count = indices.max().map_or(0, |k| k + 1);
-        let first = self.reference / self.nominal_thickness;
-        let mut design = vec![[first, f64::INFINITY]; count];
-        for (&(k, ratio), scaling) in terms.iter().zip(&self.scaling) {
-            design[k] = scaling.map(|v| if ratio { v * first } else { v });
-        }
-        if let (Choice::Ratios, Some(k)) = (self.choice, self.thickness) {
-            design[k] = [self.nominal_thickness, f64::INFINITY];
-        }
-        design
-    }
-
-    /// Middle and half-width of a variable over the design.
-    pub fn scaling(&self, variable: usize) -> [f64; 2] {
-        self.scaling[variable]
-    }
-
-    /// Index of the thickness among the parameters, if it varies.
-    pub fn thickness(&self) -> Option<usize> {
-        self.thickness
-    }
-
     fn thickness_of(&self, point: &[f64]) -> f64 {
         self.thickness.map_or(self.nominal_thickness, |k| point[k])
     }

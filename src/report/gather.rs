@@ -239,14 +239,9 @@ fn noise(round: &Identification) -> NoiseReport {
 }
 
 fn surrogate(round: &Identification) -> SurrogateReport {
-    let reduced = &round.inverse.prepared.reduced;
     SurrogateReport {
         supplied: round.inverse.prepared.problem.experiment.given().is_some(),
-        variables: reduced.surface.variables.choice,
         modes: round.inverse.posed.expanded.surface.count(),
-        doe: reduced.sides(),
-        press_mm: map(&reduced.surface.quality, |q| q.press),
-        cached: round.inverse.prepared.cached,
     }
 }
 

@@ -49,21 +49,6 @@ impl Keeping {
         let folder = self.checkpoint.with_file_name(STAGES);
         KeptStages::within(folder, &self.identity, self.resume)
     }
-
-    /// Removes the store and the checkpoint of this same program's earlier sampling, which another one replaces.
-    ///
-    /// # Errors
-    /// Of the input: a folder that cannot be written.
-    pub fn clear(&self) -> Result<()> {
-        let fail = |e| Error::unwritable(self.store.display(), "a writable folder").found(e);
-        if self.checkpoint.exists() {
-            std::fs::remove_file(&self.checkpoint).map_err(fail)?;
-        }
-        if self.store.exists() {
-            std::fs::remove_dir_all(&self.store).map_err(fail)?;
-        }
-        Ok(())
-    }
 }
 
 /// The store and the checkpoint of a run.

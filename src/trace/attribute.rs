@@ -178,7 +178,7 @@ impl Tracer<'_> {
         let apart = FoundApart {
             stiffness,
             patches,
-            series: Some((point.state.clone(), &prior_sd)),
+            series: Some(&prior_sd),
             left_out,
             ..FoundApart::default()
         };

@@ -112,7 +112,7 @@ impl Evidence {
             .iter_mut()
             .for_each(|(k, spot)| self.never_beyond(*k, spot));
         let candidates = self.ranked(&found, &spots);
-        let prior_sd = apart.series.as_ref().map(|(_, prior_sd)| *prior_sd);
+        let prior_sd = apart.series;
         let doubts = Doubts {
             priors: priors_in_doubt(&self.weighing, &self.sensitivities, &self.subsets),
             experiments: Contradiction::of(self)?,
@@ -144,9 +144,9 @@ impl Evidence {
             candidates: ranking.candidates,
             groups: ranking.groups,
             accepted: ranking.accepted,
-            series: apart.series.map(|(state, _)| {
-                self.traced_steps(pair, holdout.steps.as_ref(), state, apart.stiffness)
-            }),
+            series: apart
+                .series
+                .map(|_| self.traced_steps(pair, holdout.steps.as_ref(), apart.stiffness)),
             undecided,
             discrepancy: self.subsets.discrepancy,
             length_mm: self.weighing.noise.lengths_mm(pair),

@@ -8,9 +8,8 @@ use super::linearity::linearity;
 use super::noise_words::noise_words;
 use super::subsets::Subset;
 use super::tracing::{HeldOutStep, StepMaps, StepResidual, StiffnessField, TracedSteps};
-use crate::experiment::series::{SeriesState, rigid_free};
-use crate::laminate::MeanSd;
-use crate::linearise::{Column, Sensitivities, constants_moved};
+use crate::experiment::series::rigid_free;
+use crate::linearise::{Column, Sensitivities};
 use crate::noise::NormalEquations;
 use crate::posterior::NoisePair;
 use crate::quantity::NM_PER_MM;
@@ -23,20 +22,9 @@ impl Evidence {
         &self,
         pair: &NoisePair,
         held_out: Option<&HeldOutSteps<'_>>,
-        mut state: SeriesState,
         stiffness: Option<StiffnessField>,
     ) -> TracedSteps {
-        let amplitudes = self.amplitudes();
-        let columns = amplitudes.iter().zip(&self.sensitivities.base);
-        let solution: Vec<f64> = columns
-            .map(|((_, a), c)| (a.mean - c.mean) / c.sd)
-            .collect();
-        if !solution.is_empty() {
-            constants_moved(&mut state.shared, &self.sensitivities, &solution, f64::MAX);
-        }
         TracedSteps {
-            state,
-            amplitudes,
             residuals: self.steps(pair, held_out),
             maps: self.step_maps(pair),
             linearity: linearity(self),
@@ -191,24 +179,5 @@ impl Evidence {
         let scaled: Vec<(usize, f64)> = own.iter().map(|k| (*k, 1.0)).collect();
         let fit = NormalEquations::of_columns(&gram, |k| gram[(k, data)], &scaled)?;
         Some((own, fit))
-    }
-
-    /// All parameters of the base model and of the best subset under the likeliest noise, by name, border units.
-    pub fn amplitudes(&self) -> Vec<(String, MeanSd)> {
-        let pair = &self.weighing.pairs[self.subsets.best_pair];
-        let Some((own, fit)) = self.fit(pair, self.subsets.best()) else {
-            return Vec::new();
-        };
-        let (mean, covariance) = (fit.mean(), fit.covariance());
-        let all: Vec<&Column> = self.sensitivities.columns().collect();
-        let one = |(i, k): (usize, &usize)| {
-            let column = all[*k];
-            let of = MeanSd {
-                mean: column.mean + column.sd * mean[i],
-                sd: column.sd * covariance[(i, i)].sqrt(),
-            };
-            (column.name.clone(), of)
-        };
-        own.iter().enumerate().map(one).collect()
     }
 }

@@ -6,9 +6,8 @@ use super::averaged::{BlindSpot, Interval};
 use super::patches::Patches;
 use super::suspect::{ConditionalAnswer, PriorInDoubt, Suspect, UNEXPLAINED};
 use crate::effect::Effect;
-use crate::experiment::series::{Law, SeriesState};
+use crate::experiment::series::Law;
 use crate::files::Keyed;
-use crate::laminate::MeanSd;
 use crate::noise::series::Linearity;
 
 /// An effect weighed against the data.
@@ -107,10 +106,6 @@ pub fn leaves_structure(discrepancy: f64) -> bool {
 
 /// What tracing finds of a series.
 pub struct TracedSteps {
-    /// Where it is linearised.
-    pub state: SeriesState,
-    /// What all its steps say of every amplitude, border units.
-    pub amplitudes: Vec<(String, MeanSd)>,
     /// What is left of every step.
     pub residuals: Vec<StepResidual>,
     /// What the declared model leaves of every step.
@@ -262,8 +257,8 @@ pub struct FoundApart<'a> {
     pub stiffness: Option<StiffnessField>,
     /// Patches that the residual holds.
     pub patches: Patches,
-    /// Of a series: where it was linearised, and the prior sd of a parameter of an effect there.
-    pub series: Option<(SeriesState, PriorSd<'a>)>,
+    /// Of a series: the prior sd of a parameter of an effect.
+    pub series: Option<PriorSd<'a>>,
     /// Effects left out, with the reason.
     pub left_out: Vec<(&'static str, String)>,
 }

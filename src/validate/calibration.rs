@@ -100,7 +100,7 @@ fn calibrated(model: &Model) -> Model {
 pub fn calibrate(
     model: &Model,
     plan: &CalibrationPlan,
-    (cache, folder): (&Path, &Path),
+    folder: &Path,
     progress: &dyn Progress,
 ) -> Result<Vec<Replicate>> {
     let model = &calibrated(model);
@@ -116,7 +116,7 @@ pub fn calibrate(
     progress.begin("calibration", Some(todo.len() as u64));
     for some in todo.chunks(rayon::current_num_threads()) {
         some.par_iter().try_for_each(|&k| {
-            let found = replicate(model, plan, k, (cache, folder));
+            let found = replicate(model, plan, k, folder);
             progress.step();
             records.write(&found.map_err(|e| e.within(format!("replicate {k}")))?)
         })?;
@@ -208,7 +208,7 @@ fn replicate(
     model: &Model,
     plan: &CalibrationPlan,
     replicate: usize,
-    (cache, folder): (&Path, &Path),
+    folder: &Path,
 ) -> Result<Replicate> {
     // each replicate has a place of its own for the measurement
     let place = folder.join(format!("field-{replicate}"));
@@ -222,7 +222,7 @@ fn replicate(
         drawn = drawn.or_else(|_| draw(attempt));
     }
     let (drawn, measured) = drawn?;
-    let found = found(&measured, plan, (replicate, &drawn), cache);
+    let found = found(&measured, plan, (replicate, &drawn));
     // a field that cannot be removed does no harm
     let _ = std::fs::remove_dir_all(&place);
     found
@@ -233,7 +233,6 @@ fn found(
     model: &Model,
     plan: &CalibrationPlan,
     (replicate, drawn): (usize, &Drawn),
-    cache: &Path,
 ) -> Result<Replicate> {
     let sampler = (SAMPLERS[0].build)();
     let options = |stage: LoopStage| {
@@ -247,7 +246,7 @@ fn found(
         };
         Options {
             schedule,
-            ..Options::new(&*sampler, cache)
+            ..Options::new(&*sampler)
         }
     };
     let truths = drawn.truths(model);

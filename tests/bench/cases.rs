@@ -1,4 +1,4 @@
-//! What whole loops cost, stage by stage, caches empty: `cargo bench --bench cases`, or with model files of your own after `--`. To compare two
+//! What whole loops cost, stage by stage: `cargo bench --bench cases`, or with model files of your own after `--`. To compare two
 //! versions, run them in turn on one machine.
 
 use std::path::Path;

@@ -3,7 +3,6 @@
 
 use std::cell::Cell;
 use std::hint::black_box;
-use std::path::Path;
 use std::time::Instant;
 
 use plychain::chain::Draws;
@@ -27,7 +26,7 @@ const REPEAT: u64 = 5;
 
 fn main() {
     let model = Model::load_with(MODEL.as_ref(), None).unwrap();
-    let prepared = prepare(&model, Path::new("target/bench-cache"), &Silent).unwrap();
+    let prepared = prepare(&model, &Silent).unwrap();
     let posterior = inverse_problem(&model, prepared, &Silent)
         .unwrap()
         .posed

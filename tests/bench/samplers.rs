@@ -70,12 +70,10 @@ fn quoted() {
     file["experiments"][0]["mesh_density"] = 0.3.into();
     let model = Model::parse(&file.to_string(), "models/openhole.json".as_ref()).unwrap();
     let sampler = Ensemble::default();
-    let cache = tempfile::tempdir().unwrap();
     let options = |_| Options {
         sampler: &sampler,
         schedule: Schedule::default(),
         rule: Rule::default(),
-        cache: cache.path().into(),
         keeping: None,
         deadline: None,
         doubting: Doubting::Unasked,

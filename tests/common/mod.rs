@@ -1,4 +1,4 @@
-//! What the three binaries of tests share: a folder of their own with the cache of reduced models, changed models, the program, pictures.
+//! What the three binaries of tests share: a folder of their own, changed models, the program, pictures.
 #![allow(dead_code)] // each binary needs some of it
 
 pub mod article;
@@ -20,7 +20,7 @@ pub fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }
 
-/// Where tests run: `runs/.cache` is below it.
+/// Where tests run.
 pub fn workplace() -> PathBuf {
     static CLEANED: Once = Once::new();
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("workplace");
@@ -114,7 +114,7 @@ pub fn inverse() -> &'static InverseProblem {
     static MADE: OnceLock<InverseProblem> = OnceLock::new();
     MADE.get_or_init(|| {
         let model = Model::load(coarse().as_ref()).unwrap();
-        let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+        let prepared = prepare(&model, &Silent).unwrap();
         inverse_problem(&model, prepared, &Silent).unwrap()
     })
 }

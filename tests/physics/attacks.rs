@@ -16,7 +16,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use serde_json::{Value, json};
 
-use crate::common::{fresh, root, simulated, table, workplace};
+use crate::common::{fresh, root, simulated, table};
 use crate::load_mistakes::{LAMINATE, LARGEST, OF_LAMINATE, STEEL, laminate, steel};
 use crate::loops::{Case, Ended, all, looped};
 
@@ -432,7 +432,7 @@ fn a_fit_counts_the_smooth_noise_of_pictures() {
         let mut squares = Vec::new();
         for (size, seed) in cases {
             let model = Attack::Hazy.measured(of, size, seed);
-            let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+            let prepared = prepare(&model, &Silent).unwrap();
             let solved = inverse_problem(&model, prepared, &Silent).unwrap();
             let fit = start(&solved.posed.density).unwrap();
             let sd = |k: usize| fit.covariance[k * (fit.mode.len() + 1)].sqrt();

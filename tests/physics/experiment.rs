@@ -19,7 +19,7 @@ use plychain::identify::{inverse_problem, prepare, start};
 use plychain::infer::{Model, simulated_field};
 use plychain::progress::Silent;
 
-use crate::common::{fresh, root, workplace};
+use crate::common::{fresh, root};
 use crate::reduce::{scene, small_test};
 
 const CONSTANTS: [f64; 4] = [150.0, 7.9, 0.33, 4.8];
@@ -226,9 +226,9 @@ fn a_closed_form_specimen_goes_the_whole_way_to_a_posterior() {
     write_matrices(&folder, &simulated_field(&model, &truth).unwrap(), None).unwrap();
     let measurement = model.experiment().measurement.clone().with_path(folder);
     model.experiment_mut().measurement = measurement;
-    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+    let prepared = prepare(&model, &Silent).unwrap();
     // two modes a component: the sheet's field is linear in as many combinations of its compliances
-    assert!(prepared.reduced.truncation[0][3] < 1e-12);
+    assert!(prepared.modes().unwrap().len() <= 2 * 4);
     let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
     let mode = start(&inverse.posed.density).unwrap();
     let sd = |k: usize| mode.covariance[k * (mode.mode.len() + 1)].sqrt();

@@ -307,7 +307,6 @@ fn a_square_plate_without_a_hole_identifies_its_material() {
             max_draws: 4000,
             ..Schedule::default()
         },
-        cache: directory.path().join("cache"),
         ..options(&*sampler)
     };
     let found = identify(&model, &options, &Silent).unwrap();

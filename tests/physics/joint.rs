@@ -211,7 +211,7 @@ fn field(directory: &Path) -> PosteriorDensity {
     };
     let grid = simulated_field(&model, &truth).unwrap();
     write_matrices(&directory.join("openhole"), &grid, None).unwrap();
-    let prepared = prepare(&model, &directory.join("cache"), &Silent).unwrap();
+    let prepared = prepare(&model, &Silent).unwrap();
     inverse_problem(&model, prepared, &Silent)
         .unwrap()
         .posed

@@ -20,7 +20,7 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
 use serde_json::{Value, json};
 
-use crate::common::{changed, model, root, set_coarse, simulated, table, workplace};
+use crate::common::{changed, model, root, set_coarse, simulated, table};
 use crate::loops::{Case, Ended, all, looped};
 
 /// E and nu of the steel; E1, E2, nu12 and G12 of the laminate.
@@ -277,7 +277,7 @@ fn every_declared_force_has_an_error_in_its_step() {
         seed: 2,
     };
     let model = Model::load(&case.folder().join("model.json")).unwrap();
-    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+    let prepared = prepare(&model, &Silent).unwrap();
     let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
     let wanted = |name: &str| name == "uniform_strain";
     let (_, traced) = attribute(&model, &inverse, &wanted, &Silent).unwrap();

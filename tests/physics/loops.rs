@@ -16,7 +16,7 @@ use plychain::report::SILENT_HELD_PERCENT;
 use plychain::sample::{SAMPLERS, Sampler, Schedule};
 use plychain::trace::{Interval, Status, explain};
 
-use crate::common::{changed, coarse, set_coarse, workplace};
+use crate::common::{changed, coarse, set_coarse};
 use crate::every_effect::{SizedEffect, judge};
 use crate::foreign;
 use crate::suspect::WITHHELD;
@@ -115,7 +115,6 @@ pub fn options(sampler: &dyn Sampler) -> Options<'_> {
             ..Schedule::default()
         },
         rule: Rule::default(),
-        cache: workplace().join("runs/.cache"),
         keeping: None,
         deadline: None,
         doubting: Doubting::Unasked,

@@ -10,20 +10,19 @@ use plychain::identify::prepare;
 use plychain::infer::Model;
 use plychain::progress::Silent;
 
-use crate::common::{coarse, workplace};
+use crate::common::coarse;
 use crate::every_effect::SizedEffect;
 use crate::tracing::{Noise, measured, traced};
 
 /// RMS (nm) that the bare model leaves of an effect, without noise.
 fn left_by(case: &str) -> f64 {
-    let cache = workplace().join("runs/.cache");
     let field = |effects: &[&str]| {
         let model = measured(effects, Noise::Of(1e-6), 1);
-        prepare(&model, &cache, &Silent).unwrap()
+        prepare(&model, &Silent).unwrap()
     };
     let (with, without) = (field(&[case]), field(&[]));
     let (with, bare) = (&with.observation.field, &without.observation);
-    let mut columns = without.modes();
+    let mut columns = without.modes().unwrap();
     // no rig holds a specimen in its place
     for c in 0..2 {
         let mut one = [0.0; 2];

@@ -8,7 +8,7 @@ use rand::SeedableRng;
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64Dxsm;
 
-use crate::common::{changed, set_coarse, workplace};
+use crate::common::{changed, set_coarse};
 use crate::patterns::with;
 use crate::tracing::{Noise, measured_with, traced};
 
@@ -41,7 +41,7 @@ fn judged(case: &Null, seed: u64) -> ([f64; 2], Vec<String>) {
         Noise::White
     };
     let model = measured_with(&file, case.grid, &[], noise, seed);
-    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+    let prepared = prepare(&model, &Silent).unwrap();
     let found = inverse_problem(&model, prepared, &Silent).unwrap().noise;
     let ratio = [0, 1].map(|c| found.point_sd_nm(c) / 10.0);
     let (accepted, last) = traced(&model);
@@ -145,7 +145,7 @@ fn noise_that_varies_over_the_field_is_noise() {
     };
     let model = with(Noise::Of(0.01), 950, varying);
     let mean = (square[0] / square[1]).sqrt();
-    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+    let prepared = prepare(&model, &Silent).unwrap();
     let found = inverse_problem(&model, prepared, &Silent).unwrap().noise;
     for c in 0..2 {
         let ratio = found.point_sd_nm(c) / mean;

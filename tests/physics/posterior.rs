@@ -11,7 +11,7 @@ use plychain::reduce::latin_hypercube;
 use plychain::sample::{Key, LogDensity, Stream};
 use serde_json::json;
 
-use crate::common::{changed, fresh, inverse, set_coarse, workplace};
+use crate::common::{changed, fresh, inverse, set_coarse};
 
 /// The default test on a coarse mesh with another lay-up, 121 x 121 points of 10 nm.
 fn laminate(layup_deg: &[f64]) -> (Model, InverseProblem) {
@@ -36,7 +36,7 @@ fn laminate(layup_deg: &[f64]) -> (Model, InverseProblem) {
     write_matrices(&folder, &simulated_field(&model, &truth).unwrap(), None).unwrap();
     let measurement = model.experiment().measurement.clone().with_path(folder);
     model.experiment_mut().measurement = measurement;
-    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+    let prepared = prepare(&model, &Silent).unwrap();
     let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
     (model, inverse)
 }

@@ -9,7 +9,7 @@ use rand_distr::StandardNormal;
 use rand_pcg::Pcg64;
 use serde_json::{Value, json};
 
-use crate::common::{changed, fresh, set_coarse, simulated, succeed, workplace};
+use crate::common::{changed, fresh, set_coarse, simulated, succeed};
 use crate::load_mistakes::{LAMINATE, LARGEST, OF_LAMINATE, STEEL, laminate, steel};
 use crate::loops::looped;
 
@@ -142,7 +142,7 @@ fn narrow_priors_that_are_right_are_not_in_doubt() {
         };
         let priors: Vec<_> = narrow(kind).iter().map(&mut prior).collect();
         let model = measured(kind, &priors, 100 + seed);
-        let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+        let prepared = prepare(&model, &Silent).unwrap();
         let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
         let (tracing, _) = attribute(&model, &inverse, &|_| true, &Silent).unwrap();
         let words = tracing.priors_in_doubt.iter().map(|d| d.words.clone());

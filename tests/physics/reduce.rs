@@ -1,4 +1,4 @@
-//! The reduced model: design, POD, response surfaces, cache, and inputs that cannot work.
+//! The reduced model: design, POD, response surfaces, and inputs that cannot work.
 
 mod inputs;
 mod published;
@@ -13,11 +13,10 @@ use plychain::fem::Setup;
 use plychain::field::{Axis, Frame};
 use plychain::geometry::Density;
 use plychain::laminate::{LoadSpec, Material, SpecimenSpec};
-use plychain::progress::Silent;
 use plychain::reduce::{
     Choice, CrossValidation, Dimension, Modes, Pod, Problem, ReducedModel, ReducedSpec, Snapshots,
-    SnapshotsSpec, Surface, THICKNESS, Variables, cache, decompose, exponents, latin_hypercube,
-    leave_one_out, monomial, rows_to_solve,
+    Surface, THICKNESS, Variables, decompose, exponents, latin_hypercube, leave_one_out, monomial,
+    rows_to_solve,
 };
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
@@ -393,29 +392,4 @@ fn automatic_modes_are_the_fewest_within_the_limit() {
     assert_eq!(auto(&[1e-9, 1e-9, 1e-9], &[1e-5, 1e-6, 5e-8]), 3);
     assert_eq!(auto(&[1e-5, 1e-6, 1e-7], &[1e-9; 3]), 3);
     assert_eq!(Modes::Count(7).resolve(&pair(&[1.0], &[1.0]), 5), 5);
-}
-
-#[test]
-fn a_cached_model_is_the_same_and_a_damaged_one_is_rebuilt() {
-    let directory = tempfile::tempdir().unwrap();
-    let mut problem = small_problem();
-    problem.spec.snapshots = SnapshotsSpec::Count(60);
-    let obtain = |problem: &Problem| cache::obtain(problem, directory.path(), &Silent).unwrap();
-    let text = |model: &ReducedModel| serde_json::to_string(model).unwrap();
-    let (first, cached) = obtain(&problem);
-    assert!(!cached);
-    let (second, cached) = obtain(&problem);
-    assert!(cached);
-    assert_eq!(text(&first), text(&second));
-    let file = directory.path().join(cache::key(&problem));
-    let whole = std::fs::read(&file).unwrap();
-    for damage in [&whole[..whole.len() / 2], b"{}".as_slice()] {
-        std::fs::write(&file, damage).unwrap();
-        let (again, cached) = obtain(&problem);
-        assert!(!cached);
-        assert_eq!(text(&first), text(&again));
-        assert_eq!(std::fs::read(&file).unwrap(), whole);
-    }
-    problem.dimensions[1].high += 0.1;
-    assert!(!obtain(&problem).1, "another box is another model");
 }

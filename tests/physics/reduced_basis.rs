@@ -12,9 +12,7 @@ use plychain::laminate::{Membrane, Ply};
 use plychain::reduce::{Problem, spread_over};
 use serde_json::{Value, json};
 
-use crate::common::{
-    changed, coarse, fresh, identify, plychain_in, posterior, set_coarse, succeed,
-};
+use crate::common::{changed, coarse, fresh, identify, posterior, set_coarse, succeed};
 
 fn problem(file: &str) -> Problem {
     let model = Model::load(file.as_ref()).unwrap();
@@ -379,34 +377,4 @@ fn a_loop_does_not_change_when_every_prediction_is_solved() {
         let width = of(&spanned, "sd") / of(&solved, "sd") - 1.0;
         assert!(width.abs() < 1e-3, "{name}: {width:e}");
     }
-}
-
-/// A run with a reduced model that is built and one with the same from the cache give the same chain, to the bit. Else a killed run could not go on.
-/// What a reduced basis answers depends on what was solved before, and a size of the hole about zero is asked of it.
-#[test]
-#[ignore = "slow: run by .ci/run"]
-fn a_model_from_the_cache_gives_the_same_bits() {
-    let file = changed("openhole.json", |m| {
-        let experiment = &mut m["experiments"][0];
-        // half of its density is a coarse mesh for what effects change
-        experiment["mesh_density"] = 0.8.into();
-        experiment["effects"] = json!(["rigid_translation", "rigid_rotation", "hole_size"]);
-        m["reduced_model"]["snapshots"] = 100.into();
-    });
-    let folder = tempfile::tempdir().unwrap();
-    let [built, read] = ["built", "read"].map(|out| {
-        let words = [
-            "identify",
-            &file,
-            "--max-draws",
-            "500",
-            "--csv",
-            "--out",
-            out,
-        ];
-        let end = plychain_in(folder.path(), &words);
-        assert!(end.status.success(), "{end:?}");
-        std::fs::read(folder.path().join(out).join("chain.csv")).unwrap()
-    });
-    assert!(built == read);
 }

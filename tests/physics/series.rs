@@ -16,7 +16,7 @@ use plychain::trace::{Status, attribute};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::common::{changed, fresh, posterior, set_coarse, shared, simulated, succeed, workplace};
+use crate::common::{changed, fresh, posterior, set_coarse, shared, simulated, succeed};
 use crate::dic::cases::{Kind, campaign, case};
 use crate::dic::causes::{self, Cause};
 use crate::dic::folder::{SERIES, SINGLE, Truth};
@@ -548,7 +548,7 @@ fn a_turned_specimen_is_not_taken_for_a_strained_one() {
 fn a_lens_off_the_middle_is_the_first_suspect() {
     for seed in 0..3 {
         let (model, truth) = written(Ordinary::Lens, seed);
-        let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+        let prepared = prepare(&model, &Silent).unwrap();
         let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
         let (tracing, _) = attribute(&model, &inverse, &|_| true, &Silent).unwrap();
         let group = &tracing.groups[0];

@@ -16,7 +16,7 @@ use rand_pcg::Pcg64Dxsm;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
-use crate::common::{fresh, set_coarse, workplace};
+use crate::common::{fresh, set_coarse};
 use crate::dic::cases::{Kind, case};
 use crate::dic::causes::Cause;
 use crate::dic::folder::SERIES;
@@ -286,7 +286,7 @@ fn traced(series: &Series, observed: &Observed, declared: bool) -> Tracing {
         }
     }
     let model = Model::parse(&model.to_string(), &folder.join(SERIES)).unwrap();
-    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+    let prepared = prepare(&model, &Silent).unwrap();
     let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
     attribute(&model, &inverse, &|_| true, &Silent).unwrap().0
 }

@@ -21,7 +21,7 @@ use plychain::trace::{Suspect, Tracing, attribute, extended};
 
 use serde_json::Value;
 
-use crate::common::{coarse, fresh, model, succeed, workplace};
+use crate::common::{coarse, fresh, model, succeed};
 use crate::every_effect::SizedEffect;
 
 /// Constants of the simulated specimens.
@@ -111,8 +111,7 @@ pub fn written(mut model: Model, field: &Grid) -> Model {
 
 /// Trace until nothing more is accepted, without chains; what was accepted, with its alias group, and the last tracing.
 pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing) {
-    let cache = workplace().join("runs/.cache");
-    let mut prepared = prepare(model, &cache, &Silent).unwrap();
+    let mut prepared = prepare(model, &Silent).unwrap();
     let mut model = model.clone();
     let mut accepted = Vec::new();
     let mut first: Option<Suspect> = None;
@@ -134,7 +133,7 @@ pub fn traced(model: &Model) -> (Vec<(&'static str, Vec<&'static str>)>, Tracing
             let mut bare = model.clone();
             bare.effects
                 .retain(|e| e.kind() == Kind::Recorded || e.name() == "rigid_translation");
-            prepared = prepare(&bare, &cache, &Silent).unwrap();
+            prepared = prepare(&bare, &Silent).unwrap();
         }
         prepared.begun = Some(Begun {
             workbench: prepared.workbench.clone(),
@@ -434,7 +433,7 @@ fn what_cannot_be_seen_is_said_to_be() {
 #[test]
 fn bending_is_never_named_without_the_taper_that_looks_like_it() {
     let model = measured(&["in_plane_bending=0.2"], Noise::White, 1);
-    let prepared = prepare(&model, &workplace().join("runs/.cache"), &Silent).unwrap();
+    let prepared = prepare(&model, &Silent).unwrap();
     let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
     let (tracing, _) = attribute(&model, &inverse, &|_| true, &Silent).unwrap();
     let group = &tracing.groups[0];
@@ -501,8 +500,7 @@ fn the_averaged_posterior_holds_what_the_bare_model_misses() {
     for case in WEAK {
         for seed in 0..SEEDS {
             let model = measured(&[case], Noise::White, 500 + seed);
-            let cache = workplace().join("runs/.cache");
-            let prepared = prepare(&model, &cache, &Silent).unwrap();
+            let prepared = prepare(&model, &Silent).unwrap();
             let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
             let bare = start(&inverse.posed.density).unwrap();
             let (_, last) = traced(&model);

@@ -337,37 +337,6 @@ fn a_run_that_is_told_to_stop_is_gone_on_with() {
     assert!(draws("told").is_object() && draws("told") == draws("whole"));
 }
 
-/// Of processes that want the same reduced model at one moment, one builds it.
-#[test]
-fn a_reduced_model_is_built_once() {
-    let bench = Bench::new(0);
-    let text = std::fs::read_to_string(root().join("models/openhole.json")).unwrap();
-    let mut model: Value = serde_json::from_str(&text).unwrap();
-    model["experiments"][0]["measurement"]["dir"] =
-        root().join("models/openhole").display().to_string().into();
-    model["experiments"][0]["mesh_density"] = 0.3.into();
-    bench.write("coarse.json", &model);
-    let build = || {
-        let mut command = program();
-        command.current_dir(&bench.place);
-        command.args(["build", "coarse.json", "--threads", "1", "--verbose"]);
-        command.stdout(Stdio::piped()).stderr(Stdio::piped());
-        command.spawn().unwrap()
-    };
-    let children: Vec<Child> = (0..3).map(|_| build()).collect();
-    let built = children.into_iter().map(|child| {
-        let end = child.wait_with_output().unwrap();
-        assert!(end.status.success(), "{end:?}");
-        let said = String::from_utf8(end.stderr).unwrap();
-        said.matches("finite-element snapshots (").count()
-    });
-    let built: usize = built.sum();
-    let cache = std::fs::read_dir(bench.place.join("runs/.cache")).unwrap();
-    let names = cache.map(|e| e.unwrap().path());
-    let models = names.inspect(|p| assert!(p.extension().is_none(), "{p:?} is left"));
-    assert_eq!(built, models.count());
-}
-
 /// The material of a campaign's specimens: its files are chains like any other, the same for any number of threads; one measurement is one
 /// specimen, and what is left out is said.
 #[test]

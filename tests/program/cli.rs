@@ -382,20 +382,6 @@ fn bad_arguments_of_simulate_are_refused() {
 }
 
 #[test]
-#[ignore = "slow: run by .ci/run"]
-fn the_second_run_solves_nothing_and_says_so() {
-    let file = coarse();
-    let run = || {
-        let out = fresh("run");
-        let output = plychain(&["identify", &file, "-v", "--out", out.to_str().unwrap()]);
-        assert!(output.status.success());
-        String::from_utf8(output.stderr).unwrap()
-    };
-    run();
-    assert!(run().contains("found in the cache"));
-}
-
-#[test]
 fn build_prints_the_error_tables_and_writes_the_model() {
     let out = fresh("build");
     let text = succeed(&[

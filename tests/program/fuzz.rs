@@ -211,7 +211,7 @@ fn models() {
             let text = String::from_utf8_lossy(bytes);
             let model = Model::parse(&text, &path)?;
             // what is accepted can be used
-            let _ = (model.scene(), model.marginals(), model.additive());
+            let _ = (model.scene(), model.marginals());
             Ok(())
         });
     }

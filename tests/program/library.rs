@@ -111,7 +111,7 @@ fn arrays_are_measured_like_a_file() {
     let of_arrays = strip(&none, &path).measured(&points, &moved).unwrap();
     let sampler = Ensemble::default();
     let draws = [of_file, of_arrays].map(|model| {
-        let options = Options::new(&sampler, folder.path());
+        let options = Options::new(&sampler);
         let found = identify(&model, &options, &Silent).unwrap();
         for (name, truth) in [("E_GPa", 68.0), ("nu", 0.33)] {
             let (mean, sd) = found.moments(name).unwrap();

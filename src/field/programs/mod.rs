@@ -54,14 +54,6 @@ pub enum FoundUnit {
 }
 
 impl FoundUnit {
-    /// The unit's name, if there is one.
-    pub fn name(self) -> Option<&'static str> {
-        match self {
-            Self::Stated(unit) | Self::Usual(unit) => Some(unit),
-            Self::Unknown => None,
-        }
-    }
-
     fn rank(self) -> usize {
         match self {
             Self::Stated(PIXEL) | Self::Usual(PIXEL) => 1,

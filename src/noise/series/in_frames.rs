@@ -109,11 +109,6 @@ impl InFrames {
         &self.loads
     }
 
-    /// Whether there is none.
-    pub fn is_empty(&self) -> bool {
-        self.scales.is_empty()
-    }
-
     /// Number of blocks.
     fn blocks(&self) -> usize {
         self.parts[0].white.nrows()

@@ -10,11 +10,10 @@ mod vtu;
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
 use super::design::{Dimension, THICKNESS};
 use crate::error::{Error, Result};
-use crate::files::{absolute, hex};
+use crate::files::absolute;
 pub use doe::text as doe_text;
 pub(super) use spread::{Weights, weights};
 
@@ -42,8 +41,6 @@ pub struct Supplied {
     pub points: Vec<[f64; 2]>,
     /// Displacement (ux, uy) of each row at the points, mm.
     pub fields: Vec<Vec<[f64; 2]>>,
-    /// SHA-256 of all of them, hexadecimal.
-    pub hash: String,
 }
 
 impl SuppliedSpec {
@@ -88,7 +85,6 @@ impl SuppliedSpec {
                     .hint("the * of the pattern stands for the number in the column row"),
             );
         }
-        let mut hash = Sha256::new();
         let (mut rows, mut fields) = (Vec::new(), Vec::new());
         let mut points: Vec<[f64; 2]> = Vec::new();
         for (number, row) in design {
@@ -100,10 +96,8 @@ impl SuppliedSpec {
             let field = files::read(path)?;
             if points.is_empty() {
                 points.clone_from(&field.points);
-                hash.update(format!("{points:?}"));
             }
             check_points(path, &points, &field.points)?;
-            hash.update(format!("{row:?} {:?}", field.displacement));
             rows.push(row);
             fields.push(field.displacement);
         }
@@ -112,7 +106,6 @@ impl SuppliedSpec {
             rows,
             points,
             fields,
-            hash: hex(&hash.finalize()),
         })
     }
 }

@@ -55,11 +55,6 @@ impl FieldCells {
         self.x.len() * self.y.len()
     }
 
-    /// Whether there are none.
-    pub fn is_empty(&self) -> bool {
-        self.len() == 0
-    }
-
     /// Mean of a quantity of the points in each cell; NaN where there is no point.
     pub fn mean(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
         let mut sum = vec![0.0; self.len()];

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use plychain::effect;
 use plychain::fem::{Certificate, Locator, Plate, Setup, TOLERANCE, View, span};
 use plychain::geometry::Density;
-use plychain::infer::{Model as ModelFile, experiment_over};
+use plychain::infer::Model as ModelFile;
 use plychain::laminate::{LoadSpec, Material, Ply};
 use plychain::mesh_files::{ElementKind, ImportedPlate, MeshSpec};
 use plychain::trace::Status;
@@ -291,28 +291,15 @@ fn model_file(regions: &Value) -> String {
     })
 }
 
-/// The regions belong to what a reduced model is kept by, and to the messages of a model file.
+/// The regions belong to a model file, and to its messages.
 #[test]
 fn a_model_file_tells_its_regions() {
-    let key = |regions: &Value| {
-        let model = ModelFile::load(model_file(regions).as_ref()).unwrap();
-        let over = experiment_over(&model, [[-10.0; 2], [10.0; 2]], 1.0).unwrap();
+    for regions in [json!({}), json!({ "tab": { "thickness_mm": 1.5 } })] {
+        let model = ModelFile::load(model_file(&regions).as_ref()).unwrap();
         let written = model.file.to_json().unwrap();
         let read = written["experiments"][0]["mesh"].get("regions").cloned();
         assert_eq!(read.is_some(), !regions.as_object().unwrap().is_empty());
-        let mut key = over.serialisation();
-        // the file differs by its name alone
-        key[0] = Value::Null;
-        key.to_string()
-    };
-    let [none, thick, thicker] = [
-        json!({}),
-        json!({ "tab": { "thickness_mm": 1.5 } }),
-        json!({ "tab": { "thickness_mm": 1.6 } }),
-    ];
-    assert_eq!(key(&thick), key(&thick));
-    assert_ne!(key(&none), key(&thick));
-    assert_ne!(key(&thick), key(&thicker));
+    }
     let wrong = model_file(&json!({ "tba": { "thickness_mm": 1.5 } }));
     let output = plychain(&["build", &wrong]);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -49,10 +49,27 @@ fn columns(blocks: &Blocks, field: &Field, component: usize) -> DMatrix<f64> {
         .iter()
         .map(|p| open_hole(*p)[component])
         .collect();
-    let planes = blocks.local_polynomials(6.0, 1);
+    let planes = local_planes(blocks, 6.0);
     let mut all = planes.insert_columns(0, 1, 0.0);
     all.set_column(0, &blocks.average(&truth));
     all
+}
+
+/// A plane on every square of side `size_mm`.
+fn local_planes(blocks: &Blocks, size_mm: f64) -> DMatrix<f64> {
+    let square = |p: &[f64; 2]| p.map(|x| (x / size_mm).floor() as i64);
+    let mut squares: Vec<[i64; 2]> = blocks.centroid.iter().map(square).collect();
+    squares.sort_unstable();
+    squares.dedup();
+    let mut columns = DMatrix::zeros(blocks.len(), 3 * squares.len());
+    for (b, p) in blocks.centroid.iter().enumerate() {
+        let own = squares.binary_search(&square(p)).unwrap();
+        let within = |k: usize| p[k] / size_mm - squares[own][k] as f64 - 0.5;
+        for (k, value) in [1.0, within(0), within(1)].into_iter().enumerate() {
+            columns[(b, 3 * own + k)] = value;
+        }
+    }
+    columns
 }
 
 /// The restricted likelihood over a grid.

@@ -1,5 +1,6 @@
 //! What a calibration draws.
 
+use plychain::effect::force_scale;
 use plychain::infer::Model;
 use plychain::validate::drawn::Drawn;
 use plychain::validate::plan::CalibrationPlan;
@@ -41,7 +42,8 @@ fn the_scale_of_the_response_is_drawn_with_its_prior() {
     let scales: Vec<f64> = (0..DRAWS).map(scale).collect();
     let n = DRAWS as f64;
     let (mean, found) = moments(&scales);
-    let sd = model.loaded_thickness_mm().sd / thickness.mean;
+    let load = 0.01 * model.prior_sd(force_scale(), 0).unwrap();
+    let sd = load.hypot(thickness.sd / thickness.mean);
     assert!(
         (found / sd - 1.0).abs() < 4.0 / (2.0 * n).sqrt(),
         "{found} {sd}"
