@@ -18,7 +18,7 @@ pub fn hole(points: &[[f64; 2]]) -> Option<([f64; 2], f64)> {
     }
     let mut gaps = gaps(&cells);
     gaps.sort_by_key(|gap| std::cmp::Reverse(gap.len()));
-    let large = |gap: &&Vec<usize>| gap.len() as f64 >= SMALLEST_GAP * cells.len() as f64;
+    let large = |gap: &&Vec<usize>| gap.len() as f64 >= SMALLEST_GAP * cells.count() as f64;
     gaps.iter().take_while(large).find_map(|gap| {
         let n = gap.len() as f64;
         let middle = [
@@ -39,10 +39,10 @@ pub fn hole(points: &[[f64; 2]]) -> Option<([f64; 2], f64)> {
 /// Connected cells without points that do not touch the border.
 fn gaps(cells: &FieldCells) -> Vec<Vec<usize>> {
     let (columns, rows) = (cells.x.len(), cells.y.len());
-    let mut empty = vec![true; cells.len()];
+    let mut empty = vec![true; cells.count()];
     cells.of_point.iter().for_each(|&c| empty[c] = false);
     let mut gaps = Vec::new();
-    for start in 0..cells.len() {
+    for start in 0..cells.count() {
         if !empty[start] {
             continue;
         }

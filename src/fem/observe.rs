@@ -257,7 +257,7 @@ fn invert(x: &[[f64; 2]; 8], point: [f64; 2]) -> Option<[f64; 2]> {
 
 impl Observer {
     /// Number of points.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.averages.as_ref().map_or(self.places.len(), Vec::len)
     }
 

@@ -124,7 +124,7 @@ fn compliances(
     mesh: &Mesh,
     observer: &Observer,
 ) -> Result<Vec<[f64; 2]>> {
-    let count = observer.len();
+    let count = observer.count();
     let elements = (0..count).filter_map(|k| observer.spot(k).map(|(e, _)| e));
     let mut blocks: BTreeMap<usize, InverseBlock> =
         elements.map(|e| (e, [[[0.0; 2]; 8]; 8])).collect();

@@ -100,7 +100,7 @@ impl InFrames {
     }
 
     /// Number of frames.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.scales.len()
     }
 
@@ -123,8 +123,8 @@ impl InFrames {
             };
             (of(&self.parts[0]) + of(&self.parts[1])) / self.scales[frame]
         };
-        let own: Vec<DMatrix<f64>> = (0..self.len()).into_par_iter().map(one).collect();
-        let without = (0..self.len()).into_par_iter();
+        let own: Vec<DMatrix<f64>> = (0..self.count()).into_par_iter().map(one).collect();
+        let without = (0..self.count()).into_par_iter();
         let without = without.map(|frame| self.of(&own, Some(frame)));
         (self.of(&own, None), without.collect())
     }
@@ -132,8 +132,8 @@ impl InFrames {
     /// What all frames but one know. Sums over the others, not differences: a motion of ten millimetres in the one leaves rounding of a
     /// prior sd in a difference.
     fn of(&self, own: &[DMatrix<f64>], but: Option<usize>) -> FramesInformation {
-        let used: Vec<usize> = (0..self.len()).filter(|s| Some(*s) != but).collect();
-        let weights = DVector::from_fn(self.len(), |s, _| {
+        let used: Vec<usize> = (0..self.count()).filter(|s| Some(*s) != but).collect();
+        let weights = DVector::from_fn(self.count(), |s, _| {
             if Some(s) == but {
                 0.0
             } else {
@@ -164,7 +164,7 @@ impl InFrames {
     /// What the noise of the other frames says of that of one, which has the reference picture in common with them: their weights, 0 for
     /// itself, under a share r.
     pub fn shared(&self, frame: usize, reference: f64) -> Vec<f64> {
-        let others = (0..self.len()).filter(|s| *s != frame);
+        let others = (0..self.count()).filter(|s| *s != frame);
         let square: f64 = others.map(|s| 1.0 / self.scales[s]).sum();
         let share = reference / (1.0 + reference * square);
         let weight = |s: usize| {
@@ -174,6 +174,6 @@ impl InFrames {
                 share / self.scales[s]
             }
         };
-        (0..self.len()).map(weight).collect()
+        (0..self.count()).map(weight).collect()
     }
 }

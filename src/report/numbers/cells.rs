@@ -51,14 +51,14 @@ impl FieldCells {
     }
 
     /// Number of cells.
-    pub fn len(&self) -> usize {
+    pub fn count(&self) -> usize {
         self.x.len() * self.y.len()
     }
 
     /// Mean of a quantity of the points in each cell; NaN where there is no point.
     pub fn mean(&self, value: impl Fn(usize) -> f64) -> Vec<f64> {
-        let mut sum = vec![0.0; self.len()];
-        let mut count = vec![0.0; self.len()];
+        let mut sum = vec![0.0; self.count()];
+        let mut count = vec![0.0; self.count()];
         for (i, &cell) in self.of_point.iter().enumerate() {
             sum[cell] += value(i);
             count[cell] += 1.0;

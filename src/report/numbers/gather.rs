@@ -177,7 +177,7 @@ fn maps(round: &Identification) -> Vec<MapCell> {
             u2_residual_nm: u2[2],
         }
     };
-    (0..cells.len()).map(cell).collect()
+    (0..cells.count()).map(cell).collect()
 }
 
 fn parameters(round: &Identification, truth: &KnownTruth) -> Vec<ParameterLine> {
