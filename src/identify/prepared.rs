@@ -279,7 +279,7 @@ pub fn is_clear(geometry: &dyn Geometry, point: [f64; 2]) -> bool {
 }
 
 /// Prior means, mean thickness, no effect; as near to them as the design comes.
-pub(super) fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
+pub fn nominal_point(problem: &Problem, model: &Model) -> Vec<f64> {
     let means: Vec<f64> = model.marginals().iter().map(|m| m.mean).collect();
     let mut point = problem.point(&means, problem.thickness_mm());
     for (value, side) in point.iter_mut().zip(&problem.dimensions) {

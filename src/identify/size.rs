@@ -10,32 +10,46 @@ const MOST_RATIO: f64 = 5.0;
 /// Fields of a smaller cosine differ by more than a factor, which no mistake in the units makes.
 const SIMILAR: f64 = 0.8;
 
+/// How many times as large as predicted each component is; nothing of one that is another field altogether: what the model lacks may be larger
+/// than what it has.
+fn ratios(field: &Field, predicted: &[[f64; 2]]) -> [Option<f64>; 2] {
+    let points = Sight::anywhere(&field.points, &[]);
+    let [predicted, measured] =
+        [predicted, &field.displacement].map(|u| gauged(Gauge::Window, &points, u));
+    [0, 1].map(|c: usize| {
+        let dot = |a: &[[f64; 2]], b: &[[f64; 2]]| {
+            let products = a.iter().zip(b).map(|(a, b)| a[c] * b[c]);
+            products.sum::<f64>()
+        };
+        let (both, square) = (dot(&measured, &predicted), dot(&predicted, &predicted));
+        let cosine = both / (dot(&measured, &measured) * square).sqrt();
+        (cosine.abs() >= SIMILAR).then_some(both / square)
+    })
+}
+
+fn is_right(ratio: f64) -> bool {
+    (1.0 / MOST_RATIO..MOST_RATIO).contains(&ratio)
+}
+
+/// Whether a field is what is predicted on another scale.
+pub fn is_on_another_scale(field: &Field, predicted: &[[f64; 2]]) -> bool {
+    let all = ratios(field, predicted);
+    let mut known = all.iter().flatten();
+    let is_turned = all.iter().flatten().any(|r| *r < 0.0);
+    !is_turned && known.any(|r| !is_right(*r))
+}
+
 /// A field many times too large, too small, or of the wrong sign for what the model's own constants make it is a mistake in the units, the
 /// axes or the load, and no posterior should come of it.
 ///
 /// # Errors
 /// Of the input, naming the component and its ratio to the model's.
 pub fn check_size(field: &Field, predicted: &[[f64; 2]]) -> Result<()> {
-    let points = Sight::anywhere(&field.points, &[]);
-    let [predicted, measured] =
-        [predicted, &field.displacement].map(|u| gauged(Gauge::Window, &points, u));
+    let all = ratios(field, predicted);
     for (c, direction) in ["u1, along the load", "u2, across it"].iter().enumerate() {
-        let dot = |a: &[[f64; 2]]| {
-            a.iter()
-                .zip(&predicted)
-                .map(|(a, b)| a[c] * b[c])
-                .sum::<f64>()
+        let Some(ratio) = all[c].filter(|r| !is_right(*r)) else {
+            continue;
         };
-        let square: f64 = measured.iter().map(|u| u[c] * u[c]).sum();
-        let cosine = dot(&measured) / (square * dot(&predicted)).sqrt();
-        if cosine.abs() < SIMILAR {
-            // another field altogether: what the model lacks may be larger than what it has
-            continue;
-        }
-        let ratio = dot(&measured) / dot(&predicted);
-        if (1.0 / MOST_RATIO..MOST_RATIO).contains(&ratio) {
-            continue;
-        }
         let place = match &field.files[..] {
             [_, _, u, v] if field.grid.is_some() => [u, v][c].display().to_string(),
             files => files

@@ -60,7 +60,13 @@ impl Model {
                 .found(e)
                 .hint("give the path of a model, for example models/openhole.json")
         })?;
-        of_settings(path, &bytes)
+        let text = of_settings(path, &bytes)?;
+        if text.trim_start().starts_with('{') {
+            return Ok(text);
+        }
+        Err(Error::input(&place, "a model file, which begins with {")
+            .found("a table or another text")
+            .hint(format!("plychain init {place} makes a model of a table")))
     }
 
     /// Read a model, with its measurement elsewhere if `data` says so.

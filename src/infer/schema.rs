@@ -13,6 +13,7 @@ use crate::error::{Error, Result};
 use crate::experiment::{ExperimentKind, ExperimentSpec, check_name};
 use crate::files::{parse_json, parse_json_within, unique};
 use crate::laminate::{Material, MeanSd};
+use crate::parameter::is_modulus;
 use crate::reduce::ReducedSpec;
 
 /// The schema of a model file.
@@ -86,6 +87,9 @@ pub struct LikelihoodSpec {
 
 /// Bounds further than this many prior standard deviations from the mean leave nothing of a prior.
 const MOST_SDS: f64 = 8.0;
+
+/// Nothing is stiffer: diamond has 1220 GPa.
+const STIFFEST_GPA: f64 = 2000.0;
 
 /// No constant, nor the sd of one, is so large in any unit: squares of such numbers leave those that a computer has.
 const LARGEST: f64 = 1e9;
@@ -402,7 +406,14 @@ impl MaterialSpec {
                 .parameters
                 .get(*name)
                 .ok_or_else(|| Error::input(&place, "this parameter").found("no such key"))?;
-            means.push(spec.validate().map_err(|e| e.below(format!("{place}.")))?);
+            let mean = spec.validate().map_err(|e| e.below(format!("{place}.")))?;
+            if is_modulus(name) && mean > STIFFEST_GPA {
+                let expected = format!("a modulus in GPa, at most {STIFFEST_GPA}");
+                return Err(Error::input(format!("{place}.prior.normal.mean"), expected)
+                    .found(mean)
+                    .hint(format!("is it in MPa? {mean} MPa are {} GPa", 1e-3 * mean)));
+            }
+            means.push(mean);
         }
         if let Some(stress) = self.yield_mpa {
             stress.validate("yield_MPa")?;

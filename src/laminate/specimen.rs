@@ -151,6 +151,14 @@ impl SpecimenSpec {
                 .found(self.thickness_mm.sd)
                 .hint("the thickness is marginalised to first order, which holds for small relative deviations"));
         }
+        let MeanSd { mean, .. } = self.thickness_mm;
+        if !meshed && mean >= self.width_mm {
+            let expected = "a plate thinner than it is wide";
+            let found = format!("{mean} mm thick and {} mm wide", self.width_mm);
+            return Err(Error::input("specimen.thickness_mm", expected)
+                .found(found)
+                .hint(format!("is it in um? {mean} um are {} mm", 1e-3 * mean)));
+        }
         if let Some(hole) = &self.hole {
             self.validate_hole(hole)?;
         }

@@ -99,11 +99,6 @@ impl MeanSurface {
         Ok(surface)
     }
 
-    /// Number of modes.
-    pub fn count(&self) -> usize {
-        self.coefficients.nrows()
-    }
-
     /// What the coefficients are linear in.
     fn regressed(&self, coordinates: &[f64]) -> Vec<f64> {
         let Some((first, ratios)) = coordinates.split_first() else {

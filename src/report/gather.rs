@@ -7,7 +7,6 @@ use super::quoted::quoted;
 use super::residual::{NoiseComponent, NoiseReport, ResidualReport, RmsReport};
 use super::round::{Convergence, Correlation, MeanAndSd, PosteriorSummary, RoundReport};
 use super::steps::{HeldOutReport, LinearityReport, StepReport};
-use super::surrogate::SurrogateReport;
 use super::traced::{blind_spots, map, tracing};
 use super::verdict::{BeforeAfter, Shifted};
 use super::words::widening;
@@ -121,7 +120,6 @@ fn round(model: &Model, round: &Identification) -> RoundReport {
         doubts: round.doubts.clone(),
         warnings: round.all_warnings(),
         noise: noise(round),
-        surrogate: surrogate(round),
         full_model: round.importance.clone(),
         steps: Vec::new(),
         linearity: None,
@@ -235,13 +233,6 @@ fn noise(round: &Identification) -> NoiseReport {
         block_mm: noise.blocks.size_mm,
         blocks: noise.blocks.len(),
         points_dropped: round.inverse.prepared.observation.field.rejected,
-    }
-}
-
-fn surrogate(round: &Identification) -> SurrogateReport {
-    SurrogateReport {
-        supplied: round.inverse.prepared.problem.experiment.given().is_some(),
-        modes: round.inverse.posed.expanded.surface.count(),
     }
 }
 

@@ -25,7 +25,6 @@ pub mod run;
 pub mod sources;
 pub mod steps;
 pub mod study;
-pub mod surrogate;
 pub mod tables;
 pub mod together;
 pub mod told;

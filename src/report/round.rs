@@ -5,7 +5,6 @@ use serde::{Deserialize, Deserializer, Serialize};
 use super::json::{Keyed, or_nan, part};
 use super::residual::{NoiseReport, ResidualReport};
 use super::steps::{LinearityReport, StepReport};
-use super::surrogate::SurrogateReport;
 use super::tracing::TracingReport;
 use crate::infer::MaterialSpec;
 use crate::laminate::MeanSd;
@@ -32,7 +31,6 @@ pub struct RoundReport {
     #[serde(default)]
     pub warnings: Vec<String>,
     pub noise: NoiseReport,
-    pub surrogate: SurrogateReport,
     /// How the draws fare under the full finite elements; at no draws in reports of earlier versions.
     #[serde(default)]
     pub full_model: Importance,

@@ -297,7 +297,6 @@ fn warm_up_window(crew: &mut Crew<'_>, regime: &Regime<'_>, steps: usize) -> Res
             phase: Phase::Warmup,
             steps: crew.steps(),
             draws: 0,
-            most: regime.schedule.max_draws,
             acceptance: acceptance(&crew.blocks, span.steps),
         });
         if !go_on {
@@ -338,7 +337,6 @@ fn keep(crew: &mut Crew<'_>, regime: &Regime<'_>, warm: Warm) -> Result<(Stopped
                 phase: Phase::Sampling,
                 steps: crew.steps(),
                 draws: crew.rows() * crew.chains(),
-                most: schedule.max_draws,
                 acceptance: acceptance(&crew.blocks, span.steps),
             });
             if !go_on {

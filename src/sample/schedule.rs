@@ -32,8 +32,6 @@ pub struct PhaseReport {
     pub steps: u64,
     /// Draws stored so far, over all chains.
     pub draws: usize,
-    /// Draws at which the run ends in any case.
-    pub most: usize,
     /// Mean acceptance rate of the last block.
     pub acceptance: f64,
 }

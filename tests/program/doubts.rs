@@ -147,6 +147,22 @@ const WRONG: &[Wrong] = &[
         ..PLAIN
     },
     Wrong {
+        name: "3 thickness in um",
+        says: &["specimen.thickness_mm", "in um", "0.9 mm"],
+        change: |m| specimen(m)["thickness_mm"] = json!({ "mean": 900.0, "sd": 5.0 }),
+        ..PLAIN
+    },
+    Wrong {
+        name: "3 moduli in MPa",
+        says: &["parameters.E1_GPa", "in MPa", "140 GPa"],
+        change: |m| {
+            let parameters = &mut m["material"]["parameters"];
+            parameters["E1_GPa"] = prior(140e3, 14e3);
+            parameters["E2_GPa"] = prior(9e3, 900.0);
+        },
+        ..PLAIN
+    },
+    Wrong {
         name: "4 mm for um",
         says: &["factor of 1000", "unit of the displacements"],
         files: &["U.txt", "V.txt"],
@@ -307,6 +323,18 @@ fn wrong_inputs_are_named_before_anything_is_sampled() {
         "15 u and v exchanged",
         &["two displacements exchanged"],
         &exchanged,
+    );
+    // a load that leans beside it: no exchange of columns is the likelier mistake
+    let layup = json!([45, -45, 0, 0, -45, 45]);
+    let model = changed("openhole.json", |m| declare(m, &layup));
+    let leaning = simulated(&model, &format!("{TRUTH} --effect load_misalignment=0.8"));
+    let mut model = json(&leaning.join("model.json"));
+    *force(&mut model) = 0.9.into();
+    std::fs::write(leaning.join("model.json"), model.to_string()).unwrap();
+    ask(
+        "3 force in kN, leaning",
+        &["factor of 0.001", "force in kN"],
+        &leaning,
     );
     assert!(missed.is_empty(), "{missed:?}");
 }

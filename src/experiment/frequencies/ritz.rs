@@ -275,14 +275,6 @@ impl Ritz {
         let (_, inertia) = family.energies(&family.rigid[0]);
         Some(density * 0.25 * area * area.sqrt() * inertia[AIR])
     }
-
-    /// The functions' own matrices without reduction: number of unknowns.
-    pub fn unknowns(&self) -> usize {
-        self.partitions[1]
-            .iter()
-            .map(IntegralFamily::unknowns)
-            .sum()
-    }
 }
 
 impl PlateCoefficients {

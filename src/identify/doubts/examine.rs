@@ -9,7 +9,8 @@ use crate::error::Result;
 use crate::experiment::{FieldSolver, Gauge};
 use crate::field::blocks::one_a_tile;
 use crate::field::{Field, Reason, bounds, rigid};
-use crate::identify::prepared::{Prepared, is_clear};
+use crate::identify::prepared::{Prepared, is_clear, nominal_point};
+use crate::identify::size::is_on_another_scale;
 use crate::infer::{EffectUnderLaw, Model, moved_experiment_over};
 use crate::linearise::{
     AtPoints, CandidateColumns, Column, Forward, Measured, Sensitivities, Slopes,
@@ -63,7 +64,15 @@ pub fn doubts(model: &Model, prepared: &Prepared) -> Vec<String> {
     if !odd && !is_another_size(model, void) {
         return Vec::new();
     }
-    let named = likeliest(model, (measured, fine), &as_declared, void);
+    let nominal = prepared
+        .problem
+        .state(&nominal_point(&prepared.problem, model));
+    // another scale altogether stands in for everything else
+    let is_scaled = (prepared.predict(&nominal).ok())
+        .is_some_and(|shown| is_on_another_scale(measured, &shown.field));
+    let mut possible = mistakes(model, void);
+    possible.retain(|m| m.scales || !is_scaled);
+    let named = likeliest(possible, (measured, fine), &as_declared);
     if !named.is_empty() {
         return named;
     }
@@ -81,12 +90,11 @@ pub fn doubts(model: &Model, prepared: &Prepared) -> Vec<String> {
     )]
 }
 
-/// Mistakes that make the data much likelier than they are as declared, those within [`ALIKE`] of the best.
+/// Those of some mistakes that make the data much likelier than they are as declared, within [`ALIKE`] of the best.
 fn likeliest(
-    model: &Model,
+    possible: Vec<Mistake>,
     (field, window): (&Field, &dyn FieldSolver),
     declared: &InputFit,
-    void: Option<Void>,
 ) -> Vec<String> {
     let weighed = |mistake: Mistake| {
         let field = few(field, mistake.shown, mistake.turned);
@@ -95,14 +103,15 @@ fn likeliest(
             field: &field,
             window,
         };
-        // columns of effects belong to the points as they lie
-        let kept = (!mistake.turned).then_some(&declared.sensitivities);
+        // columns of effects belong to the points as they lie and to the field's size
+        let is_alike = !mistake.turned && !mistake.scales;
+        let kept = is_alike.then_some(&declared.sensitivities);
         let fit = without.fit(kept).ok()?;
         let gain = declared.cost - fit.cost;
         let enough = if mistake.scales { NATS_OF_SCALE } else { NATS };
         (fit.farthest().1.abs() < FAR && gain > enough).then_some((gain, mistake.asked))
     };
-    let all = mistakes(model, void).into_par_iter();
+    let all = possible.into_par_iter();
     let mut gains: Vec<(f64, String)> = all.filter_map(weighed).collect();
     gains.sort_by(|a, b| b.0.total_cmp(&a.0));
     let best = gains.first().map_or(0.0, |g| g.0);

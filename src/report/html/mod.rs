@@ -8,6 +8,14 @@ use crate::section::{Document, Piece, Table, TableCell, typeset};
 const STYLE: &str = include_str!("style.css");
 const SCRIPT: &str = include_str!("script.js");
 
+/// Sections that paper shows only where they were opened.
+const APPENDIX: [&str; 4] = [
+    "What you told the program",
+    "Effects",
+    "Blind spots",
+    "Convergence",
+];
+
 /// Nothing but what the page itself carries may be loaded.
 const POLICY: &str =
     "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'";
@@ -41,7 +49,7 @@ pub fn html(document: &Document, figures: &[Figure]) -> String {
                 main {
                     @for (section, body) in &present {
                         @if document.folded {
-                            details id=(section.id()) { summary { h2 { (section.title) } } (body) }
+                            details.appendix[APPENDIX.contains(&&*section.title)] id=(section.id()) { summary { h2 { (section.title) } } (body) }
                         } @else {
                             section id=(section.id()) { h2 { (section.title) } (body) }
                         }

@@ -1,5 +1,5 @@
 "use strict";
-// A link opens the section that it leads to, and paper shows them all.
+// A link opens the section that it leads to; paper shows all but what of the appendix is closed.
 const opened = () => {
   const section = document.getElementById(location.hash.slice(1));
   if (section && section.tagName === "DETAILS") { section.open = true; section.scrollIntoView(); }
@@ -7,7 +7,7 @@ const opened = () => {
 window.addEventListener("hashchange", opened);
 opened();
 window.addEventListener("beforeprint", () => {
-  for (const section of document.querySelectorAll("details")) section.open = true;
+  for (const section of document.querySelectorAll("details:not(.appendix)")) section.open = true;
 });
 for (const table of document.querySelectorAll("table.sortable")) {
   const body = table.tBodies[0];

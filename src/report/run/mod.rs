@@ -4,13 +4,13 @@ mod brief;
 mod compare;
 mod effects;
 pub mod posterior;
+mod provenance;
 mod rounds;
-mod surrogate;
 
 pub use brief::brief;
 pub use compare::comparison;
 pub use effects::{averaged, tracing};
-pub use surrogate::timings;
+pub use provenance::timings;
 
 use super::document::{Closing, Report};
 use super::learned::not_measured;
@@ -35,7 +35,7 @@ pub fn identification(report: &Report, round: &RoundReport) -> Section {
     .with(rounds::residual(std::slice::from_ref(round), &["".into()]))
     .say(rounds::points(round))
     .say(&c.text);
-    section.extend(surrogate::errors(round));
+    section.extend(provenance::checked(round));
     section.with(Piece::Warnings(round.warnings.clone()))
 }
 
@@ -76,10 +76,10 @@ pub fn document(page: &Page) -> Document {
         ));
     }
     sections.push(posterior::section(page));
-    sections.push(posterior::convergence(page));
-    sections.extend(surrogate::section(page));
+    let checked = report.last().and_then(provenance::checked);
+    sections.push(posterior::convergence(page).with_all(checked));
     sections.push(Section::new("Mesh").with(Piece::figure("mesh")));
-    sections.push(surrogate::provenance(page));
+    sections.push(provenance::section(page));
     let about = format!(
         "plychain {}, seed {}, {} input files",
         manifest.version,

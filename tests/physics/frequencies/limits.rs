@@ -200,7 +200,6 @@ fn a_reduced_problem_is_exact_at_its_designs_and_close_between() {
     ]
     .map(|(e2, g12)| with(e2, g12).coefficients());
     let small = ritz.reduced(&designs, 8).unwrap();
-    assert!(small.unknowns() < 120);
     assert_close(
         &small.frequencies_hz(&plate, 10).unwrap(),
         &ritz.frequencies_hz(&plate, 10).unwrap(),

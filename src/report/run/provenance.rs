@@ -1,4 +1,4 @@
-//! The reduced model's own error, and how a run can be made again.
+//! How a run can be made again, and how the full model has its draws.
 
 use crate::progress::StageCost;
 use crate::report::page::Page;
@@ -6,25 +6,10 @@ use crate::report::quoted::under_the_full_model;
 use crate::report::round::RoundReport;
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
 
-/// What the finite elements, or what stands for them, say of the reduced model.
-pub fn errors(round: &RoundReport) -> Vec<Piece> {
-    let truth = match round.surrogate.supplied {
-        true => "surfaces of more modes through the supplied snapshots",
-        false => "the finite elements",
-    };
-    let moved = under_the_full_model(&round.full_model, truth, "");
-    let modes = format!(
-        "The surface of the reduced model has {} modes.",
-        round.surrogate.modes
-    );
-    let said: Vec<String> = moved.into_iter().chain([modes]).collect();
-    vec![Piece::Paragraph(said.join(" "))]
-}
-
-/// The reduced model's errors.
-pub fn section(page: &Page) -> Option<Section> {
-    let last = page.report.last()?;
-    Some(Section::new("Reduced model").with_all(errors(last)))
+/// How the draws of a round fare under the full model.
+pub fn checked(round: &RoundReport) -> Option<Piece> {
+    let said = under_the_full_model(&round.full_model, "the full nonlinear model", "");
+    said.map(Piece::Paragraph)
 }
 
 /// What the stages of a run cost.
@@ -39,7 +24,7 @@ pub fn timings(stages: &[StageCost]) -> Table {
 }
 
 /// How the run can be made again.
-pub fn provenance(page: &Page) -> Section {
+pub fn section(page: &Page) -> Section {
     let manifest = &page.manifest;
     let about = [
         (
