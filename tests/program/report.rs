@@ -225,7 +225,6 @@ fn the_page_is_complete_in_itself() {
         "id=\"maps\"",
         "id=\"posterior\"",
         "id=\"convergence\"",
-        "id=\"reduced-model\"",
         "id=\"provenance\"",
         "prefers-color-scheme",
         "@media print",
