@@ -19,6 +19,7 @@ use crate::quantity::NM_PER_MM;
 
 /// How draws fare under the full nonlinear model with all effects.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default)]
 pub struct Importance {
     /// Draws at which the full model was solved, and those that it cannot have.
     pub draws: usize,
@@ -32,10 +33,9 @@ pub struct Importance {
     /// Whether the draws are moved by that.
     pub corrected: bool,
     /// Largest difference of the prediction at a block of points over all draws, nm.
-    #[serde(default)]
     pub field_nm: f64,
     /// By how much the fine mesh changes the log weight of one draw, where what the full model adds to the answer is taken from a coarse mesh.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub mesh_error: Option<f64>,
 }
 
