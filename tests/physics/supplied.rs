@@ -231,7 +231,7 @@ fn fields_of_another_mesh_give_the_same_posterior() {
     bench.solve([100.0, 7.5], write_csv);
     bench.agrees(0.1);
     let shown = bench.succeed(&["identify", "model.json", "--verbose", "--out", "again"]);
-    assert!(shown.contains("through the supplied snapshots"), "{shown}");
+    assert!(shown.contains("Under the full nonlinear model"), "{shown}");
     assert!(
         shown.contains("published") && shown.contains("7.12 +- 0.20"),
         "{shown}"
