@@ -161,7 +161,8 @@ pub trait Places: Send + Sync {
 
 /// What makes many predictions cheap: a reduced basis, or snapshots of another program.
 pub trait Spanning: Send + Sync {
-    /// The mesh of the specimen with what was solved on it, for a test of the same model; none where the own finite elements do not answer.
+    /// The mesh with what was solved on it, for a test of the same specimen under the same load; none of another one, or where the own finite
+    /// elements do not answer. An imported mesh has its file's shape: both are of one run.
     fn plate_of(&self, _test: &FieldTest) -> Option<Arc<Plate>> {
         None
     }

@@ -11,7 +11,8 @@ use crate::noise::reml::orthonormal;
 /// Fields of which the span is taken, spread over the box of the constants.
 const FIELDS: usize = 12;
 
-/// Orthonormal columns of u1 that span what the constants make of it at a sight's points, then as many of u2.
+/// Columns that span what the constants make of a sight's points, orthonormal over them and without a unit: those of u1, then as many of u2.
+/// `[k][i]` is (u1, u2) of column k at point i; of the columns of u1, u2 is 0.
 ///
 /// # Errors
 /// Those of a finite-element solution.

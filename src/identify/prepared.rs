@@ -110,7 +110,7 @@ impl Prepared {
         predict(&*self.problem.experiment, state, &self.observation.sight)
     }
 
-    /// Columns at the measured points that span what the constants make of them, those of u1, then of u2.
+    /// Columns at the measured points, as those of [`modes`].
     ///
     /// # Errors
     /// Those of a finite-element solution.

@@ -39,7 +39,7 @@ pub fn moved_experiment_over(
     experiment_on(None, model, (window, motion, finer))
 }
 
-/// The same on the mesh of an experiment that is `known`, with what was solved of it, where that is of the same specimen.
+/// The same on the mesh of an experiment that is `known`, with what was solved on it, where that is of the same specimen under the same load.
 fn experiment_on(
     known: Option<&dyn FieldSolver>,
     model: &Model,
@@ -96,7 +96,7 @@ pub fn coarse_experiment(
 }
 
 /// The reduced model's problem for a measured field of a specimen that the load turns by `own`, rad; on the mesh of an experiment that is
-/// `known`, where that is of the same test.
+/// `known`, where that is of the same specimen under the same load.
 ///
 /// # Errors
 /// Those of [`Problem::validate`]; a specimen that cannot be meshed.

@@ -61,16 +61,15 @@ fn grid_converges() {
     let grid = PosteriorGrid::new(&posterior, &mode, &bounds, 25).unwrap();
     let finer = PosteriorGrid::new(&posterior, &mode, &bounds, 33).unwrap();
     assert!(grid.warnings.is_empty(), "{:?}", grid.warnings);
-    for (other, mean, sd) in [(&finer.moments, 1e-3, 1e-3)] {
-        assert!((other.log_evidence - grid.moments.log_evidence).abs() < 10.0 * sd);
-        for k in 0..4 {
-            let off = (other.mean[k] - grid.moments.mean[k]) / grid.moments.sd[k];
-            let ratio = other.sd[k] / grid.moments.sd[k];
-            assert!(
-                off.abs() < mean && (ratio - 1.0).abs() < sd,
-                "{k}: {off} sd, {ratio}"
-            );
-        }
+    let other = &finer.moments;
+    assert!((other.log_evidence - grid.moments.log_evidence).abs() < 1e-2);
+    for k in 0..4 {
+        let off = (other.mean[k] - grid.moments.mean[k]) / grid.moments.sd[k];
+        let ratio = other.sd[k] / grid.moments.sd[k];
+        assert!(
+            off.abs() < 1e-3 && (ratio - 1.0).abs() < 1e-3,
+            "{k}: {off} sd, {ratio}"
+        );
     }
     for marginal in &grid.marginals {
         let total: f64 = marginal.iter().map(|m| m.1).sum();

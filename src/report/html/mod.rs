@@ -126,7 +126,7 @@ fn wide(figure: &Figure) -> Markup {
     }
 }
 
-/// A sentence whose options (`--refine`) are not broken at their hyphens.
+/// A sentence whose options (`--resume`) are not broken at their hyphens.
 fn sentence(text: &str) -> Markup {
     markup! {
         @for word in typeset(text).split_inclusive(' ') {

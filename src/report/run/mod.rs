@@ -35,7 +35,7 @@ pub fn identification(report: &Report, round: &RoundReport) -> Section {
     .with(rounds::residual(std::slice::from_ref(round), &["".into()]))
     .say(rounds::points(round))
     .say(&c.text);
-    section.extend(provenance::checked(round));
+    section.extend(posterior::checked(round));
     section.with(Piece::Warnings(round.warnings.clone()))
 }
 
@@ -76,7 +76,7 @@ pub fn document(page: &Page) -> Document {
         ));
     }
     sections.push(posterior::section(page));
-    let checked = report.last().and_then(provenance::checked);
+    let checked = report.last().and_then(posterior::checked);
     sections.push(posterior::convergence(page).with_all(checked));
     sections.push(Section::new("Mesh").with(Piece::figure("mesh")));
     sections.push(provenance::section(page));

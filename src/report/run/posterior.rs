@@ -6,6 +6,7 @@ use crate::parameter::Parameter;
 use crate::report::json::Keyed;
 use crate::report::learned::{self, Learned};
 use crate::report::page::Page;
+use crate::report::quoted::under_the_full_model;
 use crate::report::round::{MeanAndSd, RoundReport};
 use crate::section::{Piece, Section, Table, TableCell, row};
 
@@ -94,6 +95,12 @@ pub fn closed_amplitudes(round: &RoundReport) -> Table {
     let closed = closed.filter(|(name, _)| !round.posterior.contains_key(*name));
     let rows = closed.map(|(name, a)| row(name, TableCell::as_precise_as(a.sd, [a.mean, a.sd])));
     Table::new("", ["declared effect", "mean", "sd"], rows)
+}
+
+/// How the draws of a round fare under the full model.
+pub fn checked(round: &RoundReport) -> Option<Piece> {
+    let said = under_the_full_model(&round.full_model, "the full nonlinear model", "");
+    said.map(Piece::Paragraph)
 }
 
 /// Constants: prior, rounds, averaged; summary; correlation; corner plots.

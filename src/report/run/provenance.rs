@@ -1,16 +1,8 @@
-//! How a run can be made again, and how the full model has its draws.
+//! How a run can be made again.
 
 use crate::progress::StageCost;
 use crate::report::page::Page;
-use crate::report::quoted::under_the_full_model;
-use crate::report::round::RoundReport;
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
-
-/// How the draws of a round fare under the full model.
-pub fn checked(round: &RoundReport) -> Option<Piece> {
-    let said = under_the_full_model(&round.full_model, "the full nonlinear model", "");
-    said.map(Piece::Paragraph)
-}
 
 /// What the stages of a run cost.
 pub fn timings(stages: &[StageCost]) -> Table {
