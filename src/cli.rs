@@ -21,8 +21,6 @@ mod held;
 mod identify;
 mod init;
 mod machine_file;
-#[cfg(feature = "manual")]
-mod manual;
 mod meshes;
 mod output;
 mod points;
@@ -123,12 +121,6 @@ enum Command {
     Init(init::InitArguments),
     /// Print the help of a command, or a section of the manuals
     Help(guide::HelpArguments),
-    /// Print completions for a shell
-    #[cfg(feature = "manual")]
-    Completions(manual::CompletionsArguments),
-    /// Print the manual page, or write those of all verbs
-    #[cfg(feature = "manual")]
-    Man(manual::ManArguments),
 }
 
 /// Where runs are kept.
@@ -183,9 +175,5 @@ pub fn run(cli: Cli) -> Result<()> {
         Command::Effects(arguments) => effects::run(&arguments),
         Command::Init(arguments) => init::run(&arguments),
         Command::Help(arguments) => guide::run(&arguments),
-        #[cfg(feature = "manual")]
-        Command::Completions(arguments) => manual::completions(&arguments),
-        #[cfg(feature = "manual")]
-        Command::Man(arguments) => manual::man(&arguments),
     }
 }

@@ -96,8 +96,6 @@ pub struct RunOptions {
     pub max_draws: Option<usize>,
     pub min_ess: Option<f64>,
     pub time_limit_s: Option<f64>,
-    #[serde(default)]
-    pub full_order: bool,
 }
 
 impl RunOptions {
@@ -112,8 +110,7 @@ impl RunOptions {
         ];
         let valued = valued.into_iter();
         let valued = valued.filter_map(|(option, value)| Some([option.into(), value?]));
-        let flag = self.full_order.then(|| "--full-order".into());
-        valued.flatten().chain(flag).collect()
+        valued.flatten().collect()
     }
 
     /// What a verb does not have, or no run can have, is refused; `place` is the key.

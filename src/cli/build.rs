@@ -29,9 +29,6 @@ pub struct BuildArguments {
     /// Measured data in place of the model's, a folder or a CSV file
     #[arg(long)]
     data: Option<PathBuf>,
-    /// Solve the finite elements for every snapshot. This is slow and uses no reduced basis
-    #[arg(long)]
-    full_order: bool,
     /// Folder for reduced_model.json, which must not exist (default: the first free of runs/NAME-build, ...)
     #[arg(long)]
     out: Option<PathBuf>,
@@ -41,8 +38,7 @@ pub struct BuildArguments {
 const SCHEMA: &str = "plychain-reduced-model/1";
 
 pub fn run(arguments: &BuildArguments, console: &Console) -> Result<()> {
-    let mut model = Model::load_with(&arguments.model, arguments.data.as_ref())?;
-    model.file.reduced_model.full_order |= arguments.full_order;
+    let model = Model::load_with(&arguments.model, arguments.data.as_ref())?;
     let folder = Folder::create(
         arguments.out.as_deref(),
         &format!("{}-build", model.file.name),

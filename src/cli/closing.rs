@@ -116,7 +116,7 @@ pub fn trace(arguments: &TraceArguments, console: &Console) -> Result<()> {
     let study = Study::load(&file).map_err(|e| {
         e.hint("give the folder of a finished run; one of another model format must be identified anew")
     })?;
-    let study = study.settled(false)?;
+    let study = study.settled()?;
     let fields: Vec<(usize, Model)> = study.fields().map(|(k, m)| (k, m.clone())).collect();
     let several = fields.len() > 1;
     let mut all = Keyed::new();

@@ -35,8 +35,6 @@ fn has_results(verb: &Command) -> bool {
         | Command::Simulate(_)
         | Command::Init(_)
         | Command::Help(_) => false,
-        #[cfg(feature = "manual")]
-        Command::Completions(_) | Command::Man(_) => false,
         _ => true,
     }
 }

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::print;
-use super::running::check_png;
 use crate::chain::check_stores;
 use crate::error::{Error, Result};
 use crate::files;
@@ -22,16 +21,12 @@ pub struct ReportArguments {
     /// Run folders; one is reported again, several are compared
     #[arg(required = true, value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// Write the figures of a single run as PNG too (of a program built with `--features png`)
-    #[arg(long)]
-    png: bool,
     /// Where a comparison goes (default: comparison.html in the first run's folder)
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
 
 pub fn run(arguments: &ReportArguments) -> Result<()> {
-    check_png(arguments.png)?;
     for folder in &arguments.runs {
         check_stores(folder)?;
     }
@@ -43,7 +38,7 @@ pub fn run(arguments: &ReportArguments) -> Result<()> {
         }
         match StudyReport::is_in(folder) {
             true => super::study::report_again(folder)?,
-            false => Page::load(folder)?.write(folder, arguments.png)?,
+            false => Page::load(folder)?.write(folder)?,
         }
         return print(&format!("written to {}/report.html\n", folder.display()));
     }

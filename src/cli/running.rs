@@ -47,12 +47,6 @@ pub struct Running {
     /// Exit with an error if the input is doubtful (before sampling), or if chains have not converged
     #[arg(long)]
     strict: bool,
-    /// Solve the finite elements for every prediction. This is slow and uses no reduced basis
-    #[arg(long)]
-    full_order: bool,
-    /// Write the figures as PNG too (needs a program built with `--features png`)
-    #[arg(long)]
-    png: bool,
     /// Write the draws as tables too: chain.csv beside each chain.zarr
     #[arg(long)]
     csv: bool,
@@ -71,8 +65,6 @@ pub struct RunPlan {
     deadline: Option<Instant>,
     identity: Value,
     resume: bool,
-    /// Whether figures are written as PNG too.
-    pub png: bool,
     /// Whether draws are written as tables too, beside their stores.
     tables: bool,
     /// Whether doubts about the input, and chains that have not converged, are an error.
@@ -90,14 +82,9 @@ impl Running {
     /// Everything that can be refused is refused here.
     pub fn plan(&self, global: &Global) -> Result<RunPlan> {
         let study = Study::load_with(&self.model, self.data.as_ref())?;
-        if study.fields().next().is_none() && self.full_order {
-            return Err(Error::input("--full-order", "a model of a field")
-                .found("experiments without a reduced model"));
-        }
-        let study = study.settled(self.full_order)?;
+        let study = study.settled()?;
         let data = hashes(study.files()?.iter())?;
         let file = study.json(false)?.to_string();
-        check_png(self.png)?;
         let sampler = self.sampler.sampler()?;
         let mut schedule = Schedule {
             seed: global.seed,
@@ -136,7 +123,6 @@ impl Running {
             deadline,
             identity,
             resume: self.resume,
-            png: self.png,
             tables: self.csv,
             strict: self.strict,
             verbose: global.verbose,
@@ -190,7 +176,7 @@ impl RunPlan {
         console: &Console,
     ) -> Result<()> {
         console.begin("report and figures", None);
-        page.write(self.folder.path(), self.png)?;
+        page.write(self.folder.path())?;
         console.end();
         written_to(self.folder.path())?;
         self.complete(&page.manifest, verdicts)
@@ -345,17 +331,6 @@ pub(super) fn stoppable(folder: &Path) -> Result<()> {
         ));
         std::process::exit(i32::from(stopped.exit_code()))
     })
-}
-
-/// An error if figures are wanted as PNG and the program was built without it.
-pub fn check_png(wanted: bool) -> Result<()> {
-    if wanted && !cfg!(feature = "png") {
-        return Err(
-            Error::input("--png", "a program built with the feature `png`")
-                .hint("cargo install --path . --features png; the SVG files are there in any case"),
-        );
-    }
-    Ok(())
 }
 
 /// What a resumed run must share with the one that was interrupted.

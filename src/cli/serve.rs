@@ -38,7 +38,7 @@ pub struct ServeArguments {
 
 pub fn run(arguments: &ServeArguments, console: &Console) -> Result<()> {
     let bound = BoundServer::new(arguments.port)?;
-    let study = Study::load_with(&arguments.model, arguments.data.as_ref())?.settled(false)?;
+    let study = Study::load_with(&arguments.model, arguments.data.as_ref())?.settled()?;
     let models: Vec<&Model> = study.fields().map(|(_, model)| model).collect();
     let [model] = models[..] else {
         let place = arguments.model.display();

@@ -130,7 +130,7 @@ fn end<'a>(
         if place != plan.folder.path() {
             files::write_json(&place.join("run.json"), &page.manifest)?;
         }
-        page.write(place, plan.png)?;
+        page.write(place)?;
     }
     console.end();
     for (place, _) in &pages {

@@ -84,7 +84,7 @@ pub fn run(arguments: &ValidateArguments, global: &Global, console: &Console) ->
     };
     let found = identify::identify(&model, &options, console)?;
     let page = write_identified(&model, std::slice::from_ref(&found), &folder, global.seed)?;
-    page.write(folder.path(), false)?;
+    page.write(folder.path())?;
     folder.write_json("run.json", &page.manifest)?;
     let run = FinishedRun {
         folder: &folder,

@@ -16,6 +16,10 @@ impl Effect for LoadScale {
         }
     }
 
+    fn is_of_every_test(&self) -> bool {
+        true
+    }
+
     fn is_force_scale(&self) -> bool {
         true
     }

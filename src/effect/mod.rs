@@ -45,6 +45,7 @@ mod thermal_gradient;
 mod thermal_strain;
 mod thickness_taper;
 mod uniform_strain;
+mod width_error;
 mod yielding;
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
@@ -100,6 +101,7 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &yielding::Yielding,
     &anisotropy::Anisotropy,
     &load_scale::LoadScale,
+    &width_error::WidthError,
     &force_offset::ForceOffset,
     &residual_load::ResidualLoad,
     &softening::SofteningWithLoad,
@@ -118,9 +120,14 @@ pub static EFFECTS: &[&dyn Effect] = &[
     &step_force::StepForce(11),
 ];
 
-/// The effect that scales all forces. No field can tell it from a common factor of all moduli: it takes part in every model with its prior.
+/// The effect that scales all forces.
 pub fn force_scale() -> &'static dyn Effect {
     &load_scale::LoadScale
+}
+
+/// The effect that makes the plate wider.
+pub fn width_error() -> &'static dyn Effect {
+    &width_error::WidthError
 }
 
 /// The effect that the recording of fringes has by some `error`.
@@ -438,6 +445,11 @@ pub trait Effect: Sync {
 
     /// Whether it is weighed only where `plausible` declares how much of it specimens have.
     fn needs_declared_scatter(&self) -> bool {
+        false
+    }
+
+    /// Whether no field can tell it from a common factor of all moduli: it takes part in every model with its prior.
+    fn is_of_every_test(&self) -> bool {
         false
     }
 

@@ -322,7 +322,11 @@ impl ExperimentSpec {
                 let expected = format!("one of {}", known.join(", "));
                 return Err(Error::input("plausible", expected).found(name));
             }
-            if !(sd.is_finite() && sd > 0.0) {
+            // of what acts in every test 0 is "known exactly"
+            let may_vanish = effect::EFFECTS.iter().any(|e| {
+                e.is_of_every_test() && name == &effect::amplitude_name(*e, &e.parameters()[0])
+            });
+            if !(sd.is_finite() && (sd > 0.0 || (may_vanish && sd == 0.0))) {
                 return Err(Error::input(
                     format!("plausible.{name}"),
                     "a finite standard deviation above 0, in the parameter's unit",

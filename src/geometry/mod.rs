@@ -76,6 +76,8 @@ pub struct Morph {
     pub hole_size: f64,
     /// Displacement of the hole in the plate along both directions, mm. The origin stays at its centre.
     pub hole_offset: [f64; 2],
+    /// Factor on the plate's width. Its sides stay as far from its middle as each other.
+    pub width: f64,
 }
 
 impl Morph {
@@ -83,6 +85,7 @@ impl Morph {
     pub const NONE: Morph = Morph {
         hole_size: 1.0,
         hole_offset: [0.0; 2],
+        width: 1.0,
     };
 }
 
@@ -136,6 +139,11 @@ pub trait Geometry: Debug + Send + Sync {
 
     /// Whether its hole may have another size and place.
     fn has_movable_hole(&self) -> bool {
+        false
+    }
+
+    /// Whether its width may be another.
+    fn has_parallel_sides(&self) -> bool {
         false
     }
 

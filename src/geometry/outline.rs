@@ -46,6 +46,16 @@ impl Outline {
         self.t[1] - self.t[0]
     }
 
+    /// The same with another width, by a factor.
+    #[must_use]
+    pub fn widened(&self, factor: f64) -> Self {
+        let middle = 0.5 * (self.t[0] + self.t[1]);
+        Self {
+            t: self.t.map(|t| middle + factor * (t - middle)),
+            ..*self
+        }
+    }
+
     /// Where an end lies along direction 1.
     pub fn end(&self, end: End) -> f64 {
         match end {

@@ -59,11 +59,22 @@ impl Geometry for PlainStrip {
         )
     }
 
+    fn has_parallel_sides(&self) -> bool {
+        true
+    }
+
     fn morphed(&self, morph: &Morph) -> Result<Arc<dyn Geometry>> {
-        if *morph == Morph::NONE {
-            return Ok(Arc::new(*self));
+        let width = morph.width;
+        if *morph
+            != (Morph {
+                width,
+                ..Morph::NONE
+            })
+        {
+            return Err(not_offered(self, morph));
         }
-        Err(not_offered(self, morph))
+        let outline = self.outline.widened(width);
+        Ok(Arc::new(Self { outline }))
     }
 
     fn counts(&self, density: Density) -> Vec<usize> {

@@ -82,14 +82,19 @@ impl Geometry for StripWithHole {
         true
     }
 
+    fn has_parallel_sides(&self) -> bool {
+        true
+    }
+
     fn morphed(&self, morph: &Morph) -> Result<Arc<dyn Geometry>> {
         let [d1, d2] = morph.hole_offset;
+        let wide = self.outline.widened(morph.width);
         // Seen from the hole, ends and sides move by the opposite.
         let changed = Self {
             outline: Outline {
-                s: self.outline.s.map(|s| s - d1),
-                t: self.outline.t.map(|t| t - d2),
-                ..self.outline
+                s: wide.s.map(|s| s - d1),
+                t: wide.t.map(|t| t - d2),
+                ..wide
             },
             radius: self.radius * morph.hole_size,
         };

@@ -112,6 +112,7 @@ fn silent<'a>(model: &'a Model, observing: Box<dyn Observing + 'a>) -> Forward<'
     Forward {
         model,
         observing,
+        solves_width: false,
         step: &|| (),
     }
 }

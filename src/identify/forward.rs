@@ -16,6 +16,7 @@ pub fn forward<'a>(
     Forward {
         model,
         observing: over_blocks(test, prepared, measured),
+        solves_width: true,
         step,
     }
 }

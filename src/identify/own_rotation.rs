@@ -34,6 +34,7 @@ pub(super) fn own_rotation(
             slopes: Slopes::new(experiment, sight, &measured.blocks),
             size_mm: measured.size_mm,
         }),
+        solves_width: false,
         step: &|| (),
     };
     let mut state = forward.beginning(model.state(&|_| None));

@@ -3,6 +3,7 @@
 use nalgebra::DVector;
 
 use super::inverse::InverseProblem;
+use crate::effect::width_error;
 use crate::error::Result;
 use crate::experiment::predict;
 use crate::infer::Steps;
@@ -111,7 +112,10 @@ fn left(
         here: &posed.expanded.here,
     };
     let constants = &parameters[..posed.density.constants()];
-    let drawn = full.drawn(constants, &posed.amplitudes(amplitudes));
+    let mut drawn = full.drawn(constants, &posed.amplitudes(amplitudes));
+    for (column, by) in drawn.left.iter().filter(|(c, _)| c.is_width()) {
+        drawn.state.shared.shift(width_error(), 0, by * column.sd);
+    }
     let observation = &prepared.observation;
     let experiment = &*prepared.problem.experiment;
     let Some(steps) = &observation.steps else {
@@ -131,6 +135,7 @@ fn left(
             counts: &ones,
             blocks: None,
         }),
+        solves_width: false,
         step: &|| (),
     };
     let shown = at_points.shown(&drawn.state)?;

@@ -41,6 +41,10 @@ pub fn warnings(model: &Model, of: &Identification) -> Vec<String> {
             said.push(format!("{name} lies {z:+.1} prior sd from its prior's mean: data and prior contradict each other."));
         }
     }
+    let fraction = model.file.likelihood.model_error_fraction;
+    if fraction > 0.0 {
+        said.push(format!("likelihood.model_error_fraction = {fraction} has no effect: candidates and rivals of the loop stand for what a model lacks."));
+    }
     let steps = of.inverse.prepared.observation.steps.iter();
     said.extend(steps.flat_map(|s| s.warnings.clone()));
     said.extend(without_force(model, of));

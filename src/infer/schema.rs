@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 use serde_with::skip_serializing_none;
 
 use super::prior::{Marginal, PriorSpec};
-use crate::effect::{Effect, amplitude_name, force_scale};
+use crate::effect::{Effect, amplitude_name, force_scale, width_error};
 use crate::error::{Error, Result};
 use crate::experiment::{ExperimentKind, ExperimentSpec, check_name};
 use crate::files::{parse_json, parse_json_within, unique};
@@ -78,7 +78,8 @@ pub struct ParameterSpec {
 #[derive(Debug, Clone, Copy, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct LikelihoodSpec {
-    /// Standard deviation of unnamed model errors, as a fraction of each POD coefficient's mean size.
+    /// Read, and said to have no effect where it is not 0: it was the sd of unnamed model errors over each POD coefficient's mean size.
+    #[serde(default)]
     pub model_error_fraction: f64,
     /// Noise sd of a point in nm, where it is known; it is sampled otherwise.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -180,12 +181,23 @@ impl OutlineFile<'_> {
         }
         // one of which nothing is declared is a name
         let cell = name(&entry, "load_cell").and_then(|cell| self.load_cells.get(&cell));
-        if let Some(LoadCell { sd_percent }) = cell {
-            let scale = amplitude_name(force_scale(), &force_scale().parameters()[0]);
-            if entry["plausible"][&scale].is_null() {
-                entry["plausible"][&scale] = (*sd_percent).into();
+        let mut declare = |entry: &mut Value, effect: &dyn Effect, sd: f64| {
+            let amplitude = amplitude_name(effect, &effect.parameters()[0]);
+            if entry["plausible"][&amplitude].is_null() {
+                entry["plausible"][&amplitude] = sd.into();
             }
             is_changed = true;
+        };
+        if let Some(LoadCell { sd_percent }) = cell {
+            declare(&mut entry, force_scale(), *sd_percent);
+        }
+        let is_field = name(&entry, "kind").is_none_or(|k| ExperimentKind::try_from(k).is_ok());
+        let width = entry["specimen"]["width_mm"].clone();
+        if let Ok(MeanSd { mean, sd }) = MeanSd::deserialize(width)
+            && is_field
+        {
+            entry["specimen"]["width_mm"] = mean.into();
+            declare(&mut entry, width_error(), 100.0 * sd / mean);
         }
         Ok(is_changed.then(|| entry.to_string()))
     }

@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use serde::{Deserialize, Serialize};
 
-use crate::effect::{EFFECTS, Effect};
+use crate::effect::{EFFECTS, Effect, width_error};
 use crate::parameter::{Parameter, ParameterKind};
 
 /// Values of both components, step by step, mm.
@@ -112,6 +112,11 @@ impl Column {
     /// Whether it is the error of a declared force.
     pub fn is_force_error(&self) -> bool {
         Parameter::read(&self.name).is(ParameterKind::LoadError)
+    }
+
+    /// Whether it is the error of the plate's width.
+    pub fn is_width(&self) -> bool {
+        self.is_of(|effect| effect.name() == width_error().name())
     }
 
     /// Whether it is the scale of all forces.

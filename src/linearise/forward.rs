@@ -7,7 +7,7 @@ use super::exported;
 use super::linearisation::Linearisation;
 use super::observing::Observing;
 use super::sensitivities::{Candidate, Sensitivities};
-use crate::effect::Kind;
+use crate::effect::{EFFECTS, Effect, Kind, obstacle};
 use crate::error::Result;
 use crate::experiment::series::SeriesState;
 use crate::experiment::{Softening, State};
@@ -44,6 +44,9 @@ impl<'a> CandidateColumns<'a> {
 pub struct Forward<'a> {
     pub model: &'a Model,
     pub observing: Box<dyn Observing + 'a>,
+    /// Whether another width is solved for. Elsewhere its column is a multiple of the load's, which serves where only its changes with the
+    /// constants count.
+    pub solves_width: bool,
     /// Called for every sensitivity.
     pub step: &'a (dyn Fn() + Sync),
 }
@@ -115,11 +118,14 @@ impl Forward<'_> {
         self.observing.beginning(shared)
     }
 
-    /// Whether the load's scale takes part beside the declared effects: it cannot be told from a common factor of all moduli, and does so
-    /// with its prior.
-    pub(super) fn scales_the_load(&self) -> bool {
-        let mut effects = self.model.effects.iter();
-        !effects.any(|e| e.is_force_scale())
+    /// What takes part in every test that does not declare it, with its prior sd: it cannot be told from a common factor of all moduli.
+    pub(super) fn of_every_test(&self) -> Vec<(&'static dyn Effect, f64)> {
+        let scene = self.observing.experiment().scene();
+        let declares = |e: &dyn Effect| self.model.effects.iter().any(|d| d.name() == e.name());
+        let all = EFFECTS.iter().copied().filter(|e| e.is_of_every_test());
+        let open = all.filter(|e| !declares(*e) && obstacle(*e, scene).is_none());
+        let sized = open.map(|e| (e, self.observing.prior_sd(self.model, e, 0)));
+        sized.filter(|(_, sd)| *sd > 0.0).collect()
     }
 
     /// Amplitudes of some effects: how often [`Forward::sensitivities`] calls the step for them.

@@ -26,10 +26,11 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
         } else if effect.needs_declared_scatter() && !model.always_acts(*effect) {
             let why = "how much of it specimens have is not declared in plausible";
             left_out.push((name, why.to_string()));
-        } else if effect.is_force_scale() {
+        } else if effect.is_of_every_test() {
             left_out.push((
                 name,
-                "a scale of the load cannot be told from a common factor of all moduli".to_string(),
+                "it cannot be told from a common factor of all moduli, and acts with its prior"
+                    .to_string(),
             ));
         } else if effect.kind() != Kind::Recorded {
             chosen.push(*effect);

@@ -5,7 +5,7 @@
 //! the bare fit's residual, loud effects were never named, because they inflate it (prototype study). Short lengths are noise; long
 //! ones are a smooth discrepancy, the rival of every named effect.
 
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
@@ -39,6 +39,8 @@ const BETWEEN: i32 = 2;
 pub struct ComponentNoise {
     choices: [Vec<NoiseChoice>; 2],
     pairs: Vec<NoisePair>,
+    #[serde(skip)]
+    factors: Arc<KnownFactors>,
 }
 
 /// The data and all columns of one component under one choice of its covariance hyperparameters.
@@ -56,22 +58,25 @@ struct NoiseChoice {
     scale2: f64,
     /// Number of values.
     values: usize,
-    #[serde(skip)]
-    factor: KnownFactor,
 }
 
-/// The factorised covariance of a choice at unit scale, once it was asked for; it is not kept in files.
-#[derive(Debug, Clone, Default)]
-struct KnownFactor(OnceLock<Arc<BlockCovariance>>);
+/// Factorised covariances at unit scale that were asked for, by the bits of length and ratio: both components and all rounds of a run share
+/// them, and no file keeps them.
+#[derive(Debug, Default)]
+struct KnownFactors(Mutex<Vec<([u64; 2], Arc<BlockCovariance>)>>);
 
-impl NoiseChoice {
-    fn factor(&self, blocks: &Blocks) -> Result<Arc<BlockCovariance>> {
-        if let Some(known) = self.factor.0.get() {
-            return Ok(Arc::clone(known));
+impl KnownFactors {
+    fn of(&self, at: &Hyperparameters, blocks: &Blocks) -> Result<Arc<BlockCovariance>> {
+        let key = [at.length_mm, at.ratio].map(f64::to_bits);
+        let known = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let found = known().iter().find(|(k, _)| *k == key).map(|k| k.1.clone());
+        if let Some(factor) = found {
+            return Ok(factor);
         }
-        let matern = Matern::new(blocks, self.at.length_mm);
-        let made = Arc::new(BlockCovariance::new(blocks, &matern, self.at.ratio)?);
-        Ok(Arc::clone(self.factor.0.get_or_init(|| made)))
+        let matern = Matern::new(blocks, at.length_mm);
+        let made = Arc::new(BlockCovariance::new(blocks, &matern, at.ratio)?);
+        known().push((key, Arc::clone(&made)));
+        Ok(made)
     }
 }
 
@@ -97,13 +102,14 @@ impl ComponentNoise {
             || components[1].between(blocks, second),
         );
         let choices = [first?, second?].map(|found| likeliest(found, blocks));
-        Ok(Self::of(choices, blocks))
+        Ok(Self::of(choices, blocks, Arc::default()))
     }
 
-    fn of(choices: [Vec<NoiseChoice>; 2], blocks: &Blocks) -> Self {
+    fn of(choices: [Vec<NoiseChoice>; 2], blocks: &Blocks, factors: Arc<KnownFactors>) -> Self {
         Self {
             pairs: pairs(&choices, blocks),
             choices,
+            factors,
         }
     }
 
@@ -117,12 +123,8 @@ impl ComponentNoise {
         let blocks = &measured.blocks;
         let columns = ComponentColumns::new(measured, sensitivities, c)?;
         let again = |choice: &NoiseChoice| {
-            let factor = choice.factor(blocks)?;
             step();
-            Ok(NoiseChoice {
-                factor: KnownFactor(OnceLock::from(Arc::clone(&factor))),
-                ..columns.choice(&factor)?
-            })
+            columns.choice(&*self.factors.of(&choice.at, blocks)?)
         };
         let found: Vec<Result<NoiseChoice>> = self.choices[c].par_iter().map(again).collect();
         let found = found.into_iter().collect::<Result<Vec<_>>>()?;
@@ -163,7 +165,7 @@ impl NoiseChoices for ComponentNoise {
             .par_iter()
             .map(|&(c, k)| {
                 let choice = &self.choices[c][k];
-                let white = choice.factor(blocks)?.whiten(columns[c]);
+                let white = self.factors.of(&choice.at, blocks)?.whiten(columns[c]);
                 Ok(dense::gram(&white) / choice.scale2)
             })
             .collect();
@@ -200,6 +202,7 @@ impl NoiseChoices for ComponentNoise {
         Arc::new(Self {
             choices: choices.map(|choices| choices.iter().map(rescaled).collect()),
             pairs: self.pairs.clone(),
+            factors: Arc::clone(&self.factors),
         })
     }
 
@@ -240,7 +243,7 @@ impl NoiseChoices for ComponentNoise {
         let (first, second) = rayon::join(|| component(0), || component(1));
         let found = first?.zip(second?);
         Ok(found.map(|(first, second)| -> Arc<dyn NoiseChoices> {
-            Arc::new(Self::of([first, second], blocks))
+            Arc::new(Self::of([first, second], blocks, Arc::clone(&self.factors)))
         }))
     }
 
@@ -337,7 +340,6 @@ impl ComponentColumns {
             beyond_rival: left / self.freedom as f64,
             scale2: at.scale2,
             values,
-            factor: KnownFactor::default(),
         })
     }
 }

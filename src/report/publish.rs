@@ -13,12 +13,11 @@ use crate::error::{Error, Result};
 use crate::files;
 
 impl Page {
-    /// Write figures, their numbers, and `report.html` into a run's folder. With `png` the figures are written as PNG too, where
-    /// the feature `png` is built in.
+    /// Write figures, their numbers, and `report.html` into a run's folder.
     ///
     /// # Errors
     /// The input's fault if a file cannot be written; the program's if a figure cannot be drawn.
-    pub fn write(&self, folder: &Path, png: bool) -> Result<()> {
+    pub fn write(&self, folder: &Path) -> Result<()> {
         let into = folder.join(FIGURES);
         files::make_folder(&into)?;
         write_numbers(self, &into)?;
@@ -26,9 +25,6 @@ impl Page {
         for figure in figures.iter().filter(|figure| figure.has_file) {
             let path = into.join(format!("{}.svg", figure.name));
             files::replace(&path, figure.file())?;
-            if png {
-                files::replace(&path.with_extension("png"), figures::png(figure)?)?;
-            }
         }
         if !self.truth.is_empty() {
             files::write_json(&folder.join("truth.json"), &self.truth)?;

@@ -121,7 +121,7 @@ struct IdentifiedField {
 }
 
 impl IdentifiedField {
-    /// Linear parameters that other experiments may share, by whose they are: the thickness of the specimen, the scale of the load cell. Two
+    /// Linear parameters that other experiments may share, by whose they are: thickness and width of the specimen, the scale of the load cell. Two
     /// specimens that are declared alike in every key are one; fields of a file share a load cell, unless they name two.
     fn owned(&self) -> Vec<(String, usize)> {
         let posed = &self.found.inverse.posed;
@@ -130,7 +130,7 @@ impl IdentifiedField {
         let owned = kept.filter_map(|(place, &k)| {
             let column = columns.get(k)?;
             let owner = match () {
-                () if column.name == THICKNESS => self.owners.first()?,
+                () if column.name == THICKNESS || column.is_width() => self.owners.first()?,
                 () if column.is_load() => self.owners.last()?,
                 () => return None,
             };

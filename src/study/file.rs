@@ -154,15 +154,14 @@ impl Study {
         self.with(k, Arc::new(MeasuredField { model }))
     }
 
-    /// The study ready for a run: with full solutions if they are wanted, and forces that nobody stated.
+    /// The study ready for a run, with forces that nobody stated.
     ///
     /// # Errors
     /// Those of [`settle_force`].
-    pub fn settled(self, full_order: bool) -> Result<Self> {
+    pub fn settled(self) -> Result<Self> {
         let mut study = self.clone();
         for (k, model) in self.fields() {
             let mut model = model.clone();
-            model.file.reduced_model.full_order |= full_order;
             settle_force(&mut model)?;
             study = study.with_field(k, model);
         }

@@ -69,6 +69,7 @@ pub fn field_information(model: &Model, points: &[[f64; 2]], sd_mm: f64) -> Resu
             size_mm: (square / kept.len().max(1) as f64).sqrt(),
             slopes: Slopes::Points(&sight),
         }),
+        solves_width: false,
         step: &|| (),
     };
     let (mut effects, _) = candidates(model);

@@ -222,7 +222,7 @@ fn declared(model: &Model) -> Vec<EffectUnderLaw> {
     let drawn = model
         .effects
         .iter()
-        .filter(|e| !e.is_rigid() && !e.is_force_scale() && e.kind() != Kind::Recorded);
+        .filter(|e| !e.is_rigid() && !e.is_of_every_test() && e.kind() != Kind::Recorded);
     let is_series = model.experiment().steps.is_some();
     let under_law = |&effect: &&'static dyn Effect| match is_series {
         true => model.under_law(effect),

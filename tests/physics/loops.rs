@@ -11,6 +11,7 @@ use plychain::experiment::series::Law;
 use plychain::identify::Options;
 use plychain::identify::doubts::Doubting;
 use plychain::infer::Model;
+use plychain::posterior::Importance;
 use plychain::progress::Silent;
 use plychain::report::SILENT_HELD_PERCENT;
 use plychain::sample::{SAMPLERS, Sampler, Schedule};
@@ -44,6 +45,8 @@ pub struct Ended {
     pub laws: Vec<Law>,
     /// Effects that the last round would not have shown below a size (border units), with the name of the parameter.
     pub blind: Vec<(&'static str, String, f64)>,
+    /// The last round's draws under the full model.
+    pub full_model: Importance,
 }
 
 impl Ended {
@@ -150,6 +153,10 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
         held_out: [sure.len(), sure.iter().filter(|g| g.predicts).count()],
         undecided: closed.conclusion.undecided.clone(),
         laws: added.flat_map(|g| g.laws.clone()).collect(),
+        full_model: closed
+            .rounds
+            .last()
+            .map_or_else(Importance::default, |r| r.identification.importance.clone()),
         blind: spots
             .map(|(effect, spot)| (*effect, spot.parameter.clone(), spot.detectable))
             .collect(),
@@ -242,6 +249,15 @@ fn a_loud_effect_is_not_mended_by_a_second_one() {
         assert_eq!(ended.effects, [name], "{}", ended.line());
         assert_eq!(ended.status, Status::Closed, "{}", ended.line());
         assert_eq!(ended.held(), 4, "{}", ended.line());
+        let full = &ended.full_model;
+        println!("{name}: {:.3} {:?}", full.effective, full.largest());
+        assert!(full.effective > 0.9, "{name}: {full:?}");
+        let within = |(shift, error): (&f64, &f64)| shift.abs() < 0.05 + 2.0 * error;
+        let mut all = full.shift_sd.values().zip(full.shift_error_sd.values());
+        assert!(
+            full.shift_sd.len() == 4 && all.all(within),
+            "{name}: {full:?}"
+        );
     }
 }
 

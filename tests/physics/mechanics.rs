@@ -169,6 +169,31 @@ fn a_taper_across_bends_the_far_field_as_the_beam_does() {
     }
 }
 
+/// A strip is stiffer by what it is wider, and a plate with a hole is that of the wider declaration.
+#[test]
+fn a_wider_plate_is_the_one_that_is_declared_so() {
+    let factor = 1.02;
+    let wider = with("width_error", &[2.0]);
+    let mut specimen = article::strip(200.0, 4.0, [0.0; 2]);
+    specimen.width_mm *= factor;
+    let mut declared = nominal(4.0, [0.0; 2]);
+    declared.geometry = plychain::geometry::declared(&specimen);
+    let points = points();
+    let solved = |setup: &Setup| {
+        let plate = Plate::new(setup, Density::DEFAULT).unwrap();
+        solve(&plate, setup, &points)
+    };
+    assert!(difference(&points, &solved(&wider), &solved(&declared)) < 1e-5);
+    let strip = |percent: f64| {
+        let mut setup = with("width_error", &[percent]);
+        setup.geometry = Arc::new(PlainStrip::of(&article::strip(200.0, 4.0, [0.0; 2])));
+        let plate = Plate::new(&setup, Density::DEFAULT).unwrap();
+        strains(&plate, &setup, &[[3.0, 1.0]])[0][0]
+    };
+    let ratio = strip(0.0) / strip(2.0);
+    assert!((ratio / factor - 1.0).abs() < 1e-9, "{ratio}");
+}
+
 /// Through every section goes the end force, whatever the profile.
 #[test]
 fn sections_of_a_tapered_and_damaged_plate_carry_the_load() {

@@ -1,6 +1,7 @@
 //! The density against the finite elements: surfaces of laminates on and off their axes, the posterior's shift, and the same bits in any company.
 
 use nalgebra::DMatrix;
+use plychain::effect::Acting;
 use plychain::experiment::simulate::Truth;
 use plychain::field::matrices::write_matrices;
 use plychain::identify::{InverseProblem, forward, inverse_problem, prepare, start};
@@ -9,29 +10,39 @@ use plychain::linearise::StepStack;
 use plychain::progress::Silent;
 use plychain::reduce::latin_hypercube;
 use plychain::sample::{Key, LogDensity, Stream};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::common::{changed, fresh, inverse, set_coarse};
 
 /// The default test on a coarse mesh with another lay-up, 121 x 121 points of 10 nm.
 fn laminate(layup_deg: &[f64]) -> (Model, InverseProblem) {
+    posed("laminate", Vec::new(), |field| {
+        field["specimen"]["layup_deg"] = json!(layup_deg);
+    })
+}
+
+/// The same of a model's field that was changed, with some effects in the data.
+fn posed(
+    folder: &str,
+    effects: Vec<Acting>,
+    change: impl Fn(&mut Value),
+) -> (Model, InverseProblem) {
     let file = changed("openhole.json", |m| {
         set_coarse(m);
-        m["experiments"][0]["specimen"]["layup_deg"] = json!(layup_deg);
+        change(&mut m["experiments"][0]);
         m["reduced_model"] = json!({"snapshots": 60, "modes": 4, "degree": 3});
-        m["likelihood"]["model_error_fraction"] = json!(0.0);
     });
     let mut model = Model::load(file.as_ref()).unwrap();
     let truth = Truth {
         constants: vec![150.0, 7.9, 0.33, 4.7],
         thickness_mm: 0.78,
-        effects: Vec::new(),
+        effects,
         noise_nm: 10.0,
         correlation_mm: 0.0,
         grid: 121,
         seed: 3,
     };
-    let folder = fresh("laminate");
+    let folder = fresh(folder);
     std::fs::create_dir_all(&folder).unwrap();
     write_matrices(&folder, &simulated_field(&model, &truth).unwrap(), None).unwrap();
     let measurement = model.experiment().measurement.clone().with_path(folder);
@@ -153,4 +164,28 @@ fn an_error_along_a_constant_moves_the_mode_back_by_it() {
             );
         }
     }
+}
+
+/// A plate 2 % wider than declared moves E1 by more than 2 % where the width counts as exact; where it has an sd, the field itself tells of it.
+#[test]
+fn a_width_with_an_sd_does_not_move_a_modulus() {
+    let e1 = |folder: &str, effects: &[&str], width: Value, exact: bool| {
+        let effects = effects.iter().map(|e| Acting::parse("test", e).unwrap());
+        let (_, of) = posed(folder, effects.collect(), |field| {
+            field["specimen"]["width_mm"] = width.clone();
+            if exact {
+                field["plausible"]["width_error.percent"] = json!(0.0);
+            }
+        });
+        let found = start(&of.posed.density).unwrap();
+        (found.mode[0], found.covariance[0].sqrt())
+    };
+    let (right, _) = e1("width-right", &[], json!(25), true);
+    let (moved, _) = e1("width-exact", &["width_error=2"], json!(25), true);
+    let with_sd = json!({"mean": 25, "sd": 0.5});
+    let (known, sd) = e1("width-sd", &["width_error=2"], with_sd, false);
+    println!("E1 {right:.2}, {moved:.2}, {known:.2} +- {sd:.2} GPa");
+    assert!(moved - right > 0.02 * right, "{right} {moved}");
+    assert!((known - right).abs() < 0.3 * (moved - right), "{known}");
+    assert!((known - right).abs() < 2.0 * sd, "{known} +- {sd}");
 }

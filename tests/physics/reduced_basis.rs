@@ -340,10 +340,18 @@ fn a_basis_grows_only_where_it_must() {
     assert_ne!(size(), first);
 }
 
+/// The default test on a coarse mesh, in full for every prediction or by a basis.
+fn solving(full_order: bool) -> String {
+    changed("openhole.json", |m| {
+        set_coarse(m);
+        m["reduced_model"]["full_order"] = full_order.into();
+    })
+}
+
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn an_identification_does_not_change_when_every_prediction_is_solved() {
-    let [spanned, solved] = [&[][..], &["--full-order"]].map(|extra| identify(&coarse(), extra));
+    let [spanned, solved] = [false, true].map(|full| identify(&solving(full), &[]));
     for name in ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"] {
         let ((a, sd), (b, _)) = (posterior(&spanned, name), posterior(&solved, name));
         assert!((a - b).abs() < 0.02 * sd, "{name}: {a} and {b}, sd {sd}");
@@ -354,12 +362,10 @@ fn an_identification_does_not_change_when_every_prediction_is_solved() {
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn a_loop_does_not_change_when_every_prediction_is_solved() {
-    let [spanned, solved] = [&[][..], &["--full-order"]].map(|extra| {
+    let [spanned, solved] = [false, true].map(|full| {
         let out = fresh("loop");
-        let file = coarse();
-        let mut arguments = vec!["loop", &file, "--quiet", "--out", out.to_str().unwrap()];
-        arguments.extend(extra);
-        succeed(&arguments);
+        let file = solving(full);
+        succeed(&["loop", &file, "--quiet", "--out", out.to_str().unwrap()]);
         let text = std::fs::read_to_string(out.join("report.json")).unwrap();
         serde_json::from_str::<Value>(&text).unwrap()
     });

@@ -424,8 +424,7 @@ fn reports(folder: &Path) {
         for _ in 0..share_of(400) {
             let mutated = mutate(text.as_bytes(), &mut rng);
             write(name, &mutated);
-            let made =
-                plychain::report::Page::load(folder).and_then(|page| page.write(folder, false));
+            let made = plychain::report::Page::load(folder).and_then(|page| page.write(folder));
             if let Err(error) = made {
                 named(name, &error, &["run", "figure"], &mutated);
             }

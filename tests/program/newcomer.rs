@@ -1,4 +1,4 @@
-//! What someone new to the program meets: init, help, completions, manual pages, and the README's commands.
+//! What someone new to the program meets: init, help, and the README's commands.
 
 use crate::common::{copy, program, root};
 use crate::common::{json, read};
@@ -153,44 +153,6 @@ fn init_takes_the_units_from_the_header() {
     }
 }
 
-#[cfg(feature = "manual")]
-#[test]
-fn completions_and_manual_pages_know_every_verb() {
-    use crate::common::{fresh, succeed};
-
-    let help = succeed(&["--help"]);
-    let verbs: Vec<&str> = help
-        .lines()
-        .skip_while(|l| !l.starts_with("Commands:"))
-        .skip(1)
-        .take_while(|l| !l.is_empty())
-        .filter(|l| l.starts_with("  ") && !l.starts_with("   "))
-        .filter_map(|l| l.split_whitespace().next())
-        .filter(|v| *v != "help")
-        .collect();
-    assert!(verbs.len() >= 13, "{verbs:?}");
-    for shell in ["bash", "zsh", "fish"] {
-        let text = succeed(&["completions", shell]);
-        for verb in &verbs {
-            assert!(text.contains(verb), "{shell} does not know {verb}");
-        }
-    }
-    let out = fresh("man");
-    succeed(&["man", "--out", &out.display().to_string()]);
-    assert!(succeed(&["man"]).starts_with(".ie"));
-    for verb in &verbs {
-        assert!(
-            out.join(format!("plychain-{verb}.1")).is_file(),
-            "no page of {verb}"
-        );
-        let help = succeed(&[verb, "--help"]);
-        assert!(
-            help.contains("Example") && help.contains(&format!("plychain {verb}")),
-            "{verb} has no example:\n{help}"
-        );
-    }
-}
-
 /// Commands of the blocks of shell in README.md and the two manuals, without `plychain`.
 fn readmes_commands() -> Vec<Vec<String>> {
     let readme = ["README.md", "models/README.md", "runs/README.md"]
@@ -236,15 +198,7 @@ fn the_readmes_commands_are_understood_and_the_quick_ones_work() {
             std::fs::write(at(name), &csv).unwrap();
         }
     }
-    let quick = [
-        "init",
-        "report",
-        "export",
-        "diagnose",
-        "effects",
-        "completions",
-        "man",
-    ];
+    let quick = ["init", "report", "export", "diagnose", "effects"];
     let mut worked = 0;
     for command in &commands {
         let mut program = program();

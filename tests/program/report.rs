@@ -9,13 +9,6 @@ use serde_json::{Value, json};
 
 use crate::common::{coarse, copy, fresh, json, plychain, read, root, succeed};
 
-/// Asks for PNG where the program can draw them.
-const PNG: &[&str] = if cfg!(feature = "png") {
-    &["--png"]
-} else {
-    &[]
-};
-
 /// A run of the sample measurement, made once.
 pub fn run() -> &'static Path {
     static RUN: OnceLock<PathBuf> = OnceLock::new();
@@ -23,9 +16,7 @@ pub fn run() -> &'static Path {
         let out = fresh("reported");
         let path = out.display().to_string();
         let openhole = coarse();
-        let mut arguments = vec!["identify", &openhole, "--quiet", "--out", &path];
-        arguments.extend(PNG);
-        succeed(&arguments);
+        succeed(&["identify", &openhole, "--quiet", "--out", &path]);
         out
     })
 }
@@ -111,8 +102,8 @@ fn figures_numbers_are_those_of_the_report() {
     for column in ["mean", "sd", "q2.5", "median", "q97.5"] {
         for (name, value) in names.iter().zip(parameters.numbers(column)) {
             let said = round["posterior"][*name][column].as_f64().unwrap();
-            // figures' numbers have nine digits
-            let near = (value - said).abs() <= 1e-8 * said.abs();
+            // figures' numbers have seven digits
+            let near = (value - said).abs() <= 1e-6 * said.abs();
             assert!(near, "{name} {column}: {value} {said}");
         }
     }
@@ -187,20 +178,15 @@ fn a_report_is_made_again_from_its_folder_to_the_same_bytes() {
     // a folder of its own: others read the run's at the same time
     let folder = fresh("made-again");
     copy(run(), &folder);
-    let mut names = vec![
+    let names = [
         "report.html",
         "figures/corner-0.svg",
         "figures/maps-0-u1.svg",
     ];
-    if cfg!(feature = "png") {
-        names.push("figures/maps-0-u1.png");
-    }
     let read = |name: &&str| std::fs::read(folder.join(name)).unwrap();
     let before: Vec<Vec<u8>> = names.iter().map(read).collect();
     let path = folder.display().to_string();
-    let mut arguments = vec!["report", &path];
-    arguments.extend(PNG);
-    succeed(&arguments);
+    succeed(&["report", &path]);
     for (name, before) in names.iter().zip(before) {
         assert!(
             std::fs::read(folder.join(name)).unwrap() == before,

@@ -203,6 +203,7 @@ impl Mistaken<'_> {
                 slopes: Slopes::new(experiment, &sight, &measured.blocks),
                 size_mm: measured.size_mm,
             }),
+            solves_width: false,
             step: &|| (),
         };
         let declared = forward.declared();
@@ -234,7 +235,7 @@ fn candidates(model: &Model) -> Vec<&'static dyn Effect> {
     let scene = model.scene();
     let may_act = |e: &&&'static dyn Effect| {
         let is_declared = model.effects.iter().any(|d| d.name() == e.name());
-        let has_columns = e.kind() != Kind::Recorded && !e.is_force_scale() && !e.yields();
+        let has_columns = e.kind() != Kind::Recorded && !e.is_of_every_test() && !e.yields();
         !is_declared && has_columns && obstacle(**e, &scene).is_none()
     };
     EFFECTS.iter().filter(may_act).copied().collect()

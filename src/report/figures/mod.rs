@@ -8,8 +8,6 @@ mod corner;
 mod maps;
 mod mesh;
 mod pictures;
-#[cfg(feature = "png")]
-mod raster;
 mod steps;
 
 pub use canvas::{Figure, span};
@@ -18,23 +16,11 @@ pub use corner::corner as posterior_corner;
 pub use maps::Scale;
 pub use mesh::mesh as mesh_figure;
 pub use pictures::PixelPicture;
-#[cfg(feature = "png")]
-pub use raster::png;
 
 use super::numbers::MapCell;
 use super::page::Page;
 use crate::error::Result;
 use maps::Mapped;
-
-/// Without the feature `png` there is nothing to draw one with.
-///
-/// # Errors
-/// Always.
-#[cfg(not(feature = "png"))]
-pub fn png(figure: &Figure) -> Result<Vec<u8>> {
-    let place = format!("figure {}", figure.name);
-    Err(crate::error::Error::program(place, "the feature `png`"))
-}
 
 /// Draw all figures of a page.
 ///

@@ -55,7 +55,7 @@ const FIGURES: [(&str, &[&str]); 7] = [
 ];
 
 /// Significant digits of a figure's numbers: more than any figure shows, and less room than all.
-const DIGITS: usize = 9;
+const DIGITS: usize = 7;
 
 /// A number with [`DIGITS`] significant digits.
 fn rounded(value: &mut Value) {

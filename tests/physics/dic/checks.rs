@@ -412,6 +412,7 @@ fn every_effect_is_drawn_here_or_simulated_elsewhere() {
         "subset_size" => "loops: subsets that are larger than declared",
         "ply_share_1" | "ply_share_2" | "balanced_misorientation" => "layup",
         "load_scale" => "every series has its own error of the force",
+        "width_error" => "mechanics, posterior",
         "force_offset" | "residual_load" | "softening" | "hysteresis" => "load_mistakes",
         "thermal_gradient" | "component_sensitivity" | "fibre_nonlinearity" | "anisotropy" => {
             "every_effect"

@@ -258,6 +258,7 @@ fn a_larger_hole_in_a_mesh_is_that_of_the_strip() {
                 morph: plychain::geometry::Morph {
                     hole_size: 1.05,
                     hole_offset: [0.1, -0.05],
+                    width: 1.0,
                 },
                 ..setup.clone()
             };
