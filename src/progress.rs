@@ -17,6 +17,9 @@ pub trait Progress: Sync {
 
     fn end(&self);
 
+    /// The measurement was read: so many points in so many steps.
+    fn measured(&self, _points: usize, _steps: usize) {}
+
     /// A sentence that a person should read now, in the middle of the work.
     fn warn(&self, _sentence: &str) {}
 }

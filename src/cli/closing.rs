@@ -59,6 +59,7 @@ fn close_all(run: RunPlan, most: usize, console: &Console) -> Result<()> {
     let Some(model) = experiment.field().cloned() else {
         return study::close(run, most, console);
     };
+    console.expect_loops(1);
     let options =
         |stage: LoopStage| match (stage, field_run::stage_folder(run.folder.path(), stage)) {
             (LoopStage::Attempt(0), place) => run.doubting(&place),

@@ -1,5 +1,5 @@
 //! Monitor: one line of progress on a terminal, plain lines in a file with `--verbose`, nothing when quiet. Always on standard error. It says
-//! what is done and how much there is of it, and guesses no time: such a guess grows.
+//! what is done and how much there is of it. Of a loop it says beforehand about how long it takes.
 
 use std::io::{IsTerminal, Write};
 use std::sync::{Arc, Mutex, MutexGuard, Weak};
@@ -17,7 +17,25 @@ pub struct Console {
     verbose: bool,
     stage: Shared,
     clock: Mutex<StageClock>,
+    whole: Mutex<WholeRun>,
 }
+
+/// A whole run that will take about so long.
+struct WholeRun {
+    started: Instant,
+    /// Seconds; none where nothing is expected.
+    expected: Option<f64>,
+    /// How many loops it has.
+    loops: usize,
+}
+
+/// Seconds that a loop takes on two processors without regard to its points, and for each value of 1000 points in a step; measured on
+/// fields of 500 to 480,000 points and series of up to 12 steps.
+const LOOP_S: f64 = 12.0;
+const LOOP_S_PER_1000: f64 = 0.6;
+
+/// More processors than this save no time.
+const MOST_PROCESSORS: usize = 8;
 
 /// The stage in progress, if there is one, which the heartbeat looks at too.
 type Shared = Arc<Mutex<Option<Stage>>>;
@@ -63,7 +81,25 @@ impl Console {
             verbose,
             stage,
             clock: Mutex::default(),
+            whole: Mutex::new(WholeRun {
+                started: Instant::now(),
+                expected: None,
+                loops: 0,
+            }),
         }
+    }
+
+    /// What is to come are some loops.
+    pub fn expect_loops(&self, loops: usize) {
+        locked(&self.whole).loops = loops;
+    }
+
+    /// How much of the whole run is done, in percent, by the time that was expected.
+    fn share(&self) -> String {
+        let whole = locked(&self.whole);
+        let share = |expected: f64| 100.0 * whole.started.elapsed().as_secs_f64() / expected;
+        let percent = |expected| format!("{:.0} % ", share(expected).min(99.0));
+        whole.expected.map(percent).unwrap_or_default()
     }
 
     /// What the stages cost so far.
@@ -73,6 +109,19 @@ impl Console {
 
     fn clock(&self) -> MutexGuard<'_, StageClock> {
         locked(&self.clock)
+    }
+
+    /// A line of its own, unless all is quiet.
+    fn tell(&self, text: &str) {
+        let tell = || line(text);
+        match self.mode {
+            ConsoleMode::Quiet => {}
+            ConsoleMode::Remarks => tell(),
+            _ => self.with(|stage| match stage.as_ref().and_then(|s| s.bar.as_ref()) {
+                Some(bar) => bar.suspend(tell),
+                None => tell(),
+            }),
+        }
     }
 
     fn with(&self, act: impl FnOnce(&mut Option<Stage>)) {
@@ -129,6 +178,9 @@ impl Progress for Console {
         self.clock().begin(what);
         self.with(|stage| {
             let bar = (self.mode == ConsoleMode::Bars).then(|| bar(what, steps));
+            if let Some(bar) = &bar {
+                bar.set_prefix(self.share());
+            }
             let now = Instant::now();
             *stage = Some(Stage {
                 what: what.into(),
@@ -148,6 +200,7 @@ impl Progress for Console {
             stage.done += 1;
             if let Some(bar) = &stage.bar {
                 bar.inc(1);
+                bar.set_prefix(self.share());
             }
             stage.tell();
         });
@@ -164,16 +217,28 @@ impl Progress for Console {
         });
     }
 
-    fn warn(&self, sentence: &str) {
-        let tell = || line(&format!("warning: {sentence}"));
-        match self.mode {
-            ConsoleMode::Quiet => {}
-            ConsoleMode::Remarks => tell(),
-            _ => self.with(|stage| match stage.as_ref().and_then(|s| s.bar.as_ref()) {
-                Some(bar) => bar.suspend(tell),
-                None => tell(),
-            }),
+    fn measured(&self, points: usize, steps: usize) {
+        let mut whole = locked(&self.whole);
+        if whole.loops == 0 || whole.expected.is_some() || self.mode == ConsoleMode::Quiet {
+            return;
         }
+        let processors = rayon::current_num_threads();
+        let one = LOOP_S + LOOP_S_PER_1000 * 1e-3 * (points * steps) as f64;
+        let expected = one * whole.loops as f64 * 2.0 / processors.min(MOST_PROCESSORS) as f64;
+        whole.expected = Some(expected);
+        drop(whole);
+        let time = match expected > 100.0 {
+            true => format!("{:.0} min", (expected / 60.0).ceil()),
+            false => format!("{:.0} s", 5.0 * (expected / 5.0).ceil()),
+        };
+        let said = format!(
+            "about {time} on {processors} processors, half of it or twice as long with few or many effects"
+        );
+        self.tell(&said);
+    }
+
+    fn warn(&self, sentence: &str) {
+        self.tell(&format!("warning: {sentence}"));
     }
 
     fn end(&self) {
@@ -201,11 +266,11 @@ fn bar(what: &str, steps: Option<u64>) -> ProgressBar {
     let (bar, template) = match steps {
         Some(steps) => (
             ProgressBar::new(steps),
-            "  {wide_msg} {bar:20.cyan} {pos}/{len}",
+            "  {prefix}{wide_msg} {bar:20.cyan} {pos}/{len}",
         ),
         None => (
             ProgressBar::new_spinner(),
-            "  {spinner} {wide_msg} {elapsed} so far",
+            "  {prefix}{spinner} {wide_msg} {elapsed} so far",
         ),
     };
     if let Ok(style) = ProgressStyle::with_template(template) {

@@ -178,6 +178,7 @@ pub fn report_again(folder: &Path) -> Result<()> {
 
 /// `loop` of a study that is not one field alone.
 pub fn close(plan: RunPlan, most: usize, console: &Console) -> Result<()> {
+    console.expect_loops(plan.study.fields().count());
     let each = each_alone(&plan, console)?;
     let run = plan.folder.path().to_path_buf();
     let place = |name: &str, stage: StudyStage| {

@@ -53,12 +53,12 @@ impl Measurement {
         progress.begin("reading the measurement", None);
         let (measured, said) = match model.read_series()? {
             Some(series) if series.steps.len() > 1 => {
-                let said = format!(
-                    "{} steps of {} points",
-                    series.steps.len(),
-                    series.field.len()
-                );
-                (Self::Series(series), said)
+                let [steps, points] = [series.steps.len(), series.field.len()];
+                progress.measured(points, steps);
+                (
+                    Self::Series(series),
+                    format!("{steps} steps of {points} points"),
+                )
             }
             series => {
                 // one step is a field like any other
@@ -66,6 +66,7 @@ impl Measurement {
                     Some(single) => single.field,
                     None => model.read_field()?,
                 };
+                progress.measured(field.len(), 1);
                 let said = format!("{} points", field.len());
                 (Self::Field(field), said)
             }
