@@ -109,6 +109,11 @@ impl StageClock {
         }
     }
 
+    /// Since the beginning, by the clock on the wall.
+    pub fn elapsed_s(&self) -> f64 {
+        self.started.0.elapsed().as_secs_f64()
+    }
+
     /// The stages so far in the order of their beginnings, and at last what was spent outside of them.
     pub fn costs(&self) -> Vec<StageCost> {
         let (wall, processor) = Moment::now().since(self.started);

@@ -2,7 +2,8 @@
 //! what is done and how much there is of it. Of a loop it says beforehand about how long it takes.
 
 use std::io::{IsTerminal, Write};
-use std::sync::{Arc, Mutex, MutexGuard, Weak};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, MutexGuard, OnceLock, Weak};
 use std::time::{Duration, Instant};
 
 use anstyle::{AnsiColor, Style};
@@ -17,16 +18,10 @@ pub struct Console {
     verbose: bool,
     stage: Shared,
     clock: Mutex<StageClock>,
-    whole: Mutex<WholeRun>,
-}
-
-/// A whole run that will take about so long.
-struct WholeRun {
-    started: Instant,
-    /// Seconds; none where nothing is expected.
-    expected: Option<f64>,
-    /// How many loops it has.
-    loops: usize,
+    /// Loops that are to come.
+    loops: AtomicUsize,
+    /// Seconds that they take, about.
+    expected_s: OnceLock<f64>,
 }
 
 /// Seconds that a loop takes on two processors without regard to its points, and for each value of 1000 points in a step; measured on
@@ -81,25 +76,21 @@ impl Console {
             verbose,
             stage,
             clock: Mutex::default(),
-            whole: Mutex::new(WholeRun {
-                started: Instant::now(),
-                expected: None,
-                loops: 0,
-            }),
+            loops: AtomicUsize::new(0),
+            expected_s: OnceLock::new(),
         }
     }
 
     /// What is to come are some loops.
     pub fn expect_loops(&self, loops: usize) {
-        locked(&self.whole).loops = loops;
+        self.loops.store(loops, Ordering::Relaxed);
     }
 
     /// How much of the whole run is done, in percent, by the time that was expected.
     fn share(&self) -> String {
-        let whole = locked(&self.whole);
-        let share = |expected: f64| 100.0 * whole.started.elapsed().as_secs_f64() / expected;
+        let share = |expected: &f64| 100.0 * self.clock().elapsed_s() / expected;
         let percent = |expected| format!("{:.0} % ", share(expected).min(99.0));
-        whole.expected.map(percent).unwrap_or_default()
+        self.expected_s.get().map(percent).unwrap_or_default()
     }
 
     /// What the stages cost so far.
@@ -218,15 +209,16 @@ impl Progress for Console {
     }
 
     fn measured(&self, points: usize, steps: usize) {
-        let mut whole = locked(&self.whole);
-        if whole.loops == 0 || whole.expected.is_some() || self.mode == ConsoleMode::Quiet {
+        let loops = self.loops.load(Ordering::Relaxed);
+        if loops == 0 {
             return;
         }
         let processors = rayon::current_num_threads();
         let one = LOOP_S + LOOP_S_PER_1000 * 1e-3 * (points * steps) as f64;
-        let expected = one * whole.loops as f64 * 2.0 / processors.min(MOST_PROCESSORS) as f64;
-        whole.expected = Some(expected);
-        drop(whole);
+        let expected = one * loops as f64 * 2.0 / processors.min(MOST_PROCESSORS) as f64;
+        if self.expected_s.set(expected).is_err() {
+            return;
+        }
         let time = match expected > 100.0 {
             true => format!("{:.0} min", (expected / 60.0).ceil()),
             false => format!("{:.0} s", 5.0 * (expected / 5.0).ceil()),

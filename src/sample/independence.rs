@@ -8,44 +8,18 @@ use super::moves::{Fit, Move, Proposal, Walkers};
 use super::numbers::Needs;
 use crate::lanes::{Lanes, WIDTH, each, ln};
 
-/// Tails of the fitted proposal.
-#[derive(Debug, Clone, Copy)]
-pub enum Tail {
-    /// Gaussian of the walkers' mean and covariance.
-    Gaussian,
-    /// Student-t of that many degrees of freedom, the walkers' mean and their covariance as shape.
-    StudentT(usize),
-    /// The posterior predictive of a Gaussian with unknown mean and covariance under Jeffreys' prior: Student-t of
-    /// m - d degrees of freedom and shape (1 + 1/m) S / (m - d), with S the scatter of m walkers (Gelman et al., BDA3,
-    /// section 3.6). Its tails grow by themselves when walkers are few.
-    Predictive,
-}
-
-impl Tail {
-    /// Degrees of freedom of a proposal fitted to `count` walkers, 0 for a Gaussian.
-    fn dof(self, dim: usize, count: usize) -> usize {
-        match self {
-            Tail::Gaussian => 0,
-            Tail::StudentT(dof) => dof,
-            Tail::Predictive => count - dim,
-        }
-    }
-}
-
 /// y drawn from q fitted to the complementary half, regardless of x; the factor is q(x) / q(y).
 #[derive(Debug, Clone, Copy)]
 pub struct Independence {
-    /// Tails of q.
-    pub tail: Tail,
+    /// Degrees of freedom of q, a Student-t about the walkers' mean with their covariance as shape.
+    pub dof: usize,
 }
 
 impl Default for Independence {
     /// t of 5 degrees of freedom: lighter tails are a little more efficient on a normal target, but on a heavy-tailed one
     /// the ensemble then confirms its own tails for long times and the standard errors are too small.
     fn default() -> Self {
-        Self {
-            tail: Tail::StudentT(5),
-        }
+        Self { dof: 5 }
     }
 }
 
@@ -60,23 +34,18 @@ impl Move for Independence {
 
     /// A normal number a dimension; and for the chi-squared number of the Student-t, -2 log of a uniform has two degrees
     /// of freedom and a squared normal one.
-    fn needs(&self, dim: usize, others: usize) -> Needs {
-        let dof = self.tail.dof(dim, others);
+    fn needs(&self, dim: usize, _others: usize) -> Needs {
         Needs {
-            uniforms: dof / 2,
-            normals: dim + dof % 2,
+            uniforms: self.dof / 2,
+            normals: dim + self.dof % 2,
         }
     }
 
     fn fit(&self, others: Walkers<'_>, fit: &mut Fit) -> bool {
         let (m, dim) = (others.count() as f64, others.dim());
         scatter(others, &mut fit.mean, &mut fit.lower);
-        let scale = match self.tail {
-            Tail::Gaussian | Tail::StudentT(_) => 1.0 / (m - 1.0),
-            Tail::Predictive => (1.0 + 1.0 / m) / (m - dim as f64),
-        };
-        fit.dof = self.tail.dof(dim, others.count());
-        fit.lower.iter_mut().for_each(|v| *v *= scale);
+        fit.dof = self.dof;
+        fit.lower.iter_mut().for_each(|v| *v /= m - 1.0);
         cholesky(&mut fit.lower, dim)
     }
 
@@ -121,13 +90,9 @@ impl Proposal<'_> {
             sum.put(&mut self.y[i * count + from..(i + 1) * count]);
         }
         let (dof, half) = (self.fit.dof, 0.5 * (self.fit.dof + dim) as f64);
-        let factor = if dof == 0 {
-            each(|l| 0.5 * (new[l] - old[l]))
-        } else {
-            // log q(x) / q(y) from the Mahalanobis distances squared.
-            let dof = dof as f64;
-            each(|l| half * ln((dof + new[l]) / (dof + old[l])))
-        };
+        // log q(x) / q(y) from the Mahalanobis distances squared
+        let dof = dof as f64;
+        let factor = each(|l| half * ln((dof + new[l]) / (dof + old[l])));
         factor.put(&mut self.factor[from..]);
     }
 

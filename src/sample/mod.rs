@@ -31,7 +31,7 @@ pub use checkpoint::{Checkpoint, Warm};
 pub use de::De;
 pub use density::{DensityError, FunctionDensity, LogDensity, density};
 pub use ensemble::Ensemble;
-pub use independence::{Independence, Tail};
+pub use independence::Independence;
 pub use keep::Keeping;
 pub use laplace::{Laplace, laplace};
 pub use mixture::{MOVES, Mixture};

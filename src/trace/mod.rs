@@ -45,7 +45,7 @@ pub use facts::Status;
 pub use fisher::{Hidden, Information, field_information};
 pub use linearity::NOT_LINEAR;
 pub use patches::Patches;
-pub use quoted::{Proposals, Quoted, quote, rule as quoted_rule, with_density};
+pub use quoted::{Proposals, Quoted, quote, rule as quoted_rule};
 pub use round::Round;
 pub use subsets::SIZES;
 pub use suspect::{Suspect, UNEXPLAINED};

@@ -11,34 +11,29 @@ use rayon::prelude::*;
 use plychain::diagnose::{Rule, diagnose};
 use plychain::sample::{
     De, Ensemble, Independence, Mixture, Move, Quiet, Sampler, Schedule, Snooker, Start, Stretch,
-    Tail, run,
+    run,
 };
 
 use targets::Known;
 
-/// Weights of independence (with its tail), DE, stretch and snooker.
-struct Recipe(&'static str, Tail, [f64; 4]);
+/// Weights of independence (with its degrees of freedom), DE, stretch and snooker.
+struct Recipe(&'static str, usize, [f64; 4]);
 
 const RECIPES: &[Recipe] = &[
-    Recipe("stretch", Tail::Predictive, [0.0, 0.0, 1.0, 0.0]),
-    Recipe("de", Tail::Predictive, [0.0, 1.0, 0.0, 0.0]),
-    Recipe("snooker", Tail::Predictive, [0.0, 0.0, 0.0, 1.0]),
-    Recipe("ind gauss", Tail::Gaussian, [1.0, 0.0, 0.0, 0.0]),
-    Recipe("ind predictive", Tail::Predictive, [1.0, 0.0, 0.0, 0.0]),
-    Recipe("ind t5", Tail::StudentT(5), [1.0, 0.0, 0.0, 0.0]),
-    Recipe("0.7p 0.25 0.05", Tail::Predictive, [0.7, 0.25, 0.05, 0.0]),
-    Recipe("0.7t5 0.25 0.05", Tail::StudentT(5), [0.7, 0.25, 0.05, 0.0]),
-    Recipe("0.5t5 0.4 0 0.1", Tail::StudentT(5), [0.5, 0.4, 0.0, 0.1]),
-    Recipe(
-        "0.5t5 0.25 0 0.25",
-        Tail::StudentT(5),
-        [0.5, 0.25, 0.0, 0.25],
-    ),
+    Recipe("stretch", 5, [0.0, 0.0, 1.0, 0.0]),
+    Recipe("de", 5, [0.0, 1.0, 0.0, 0.0]),
+    Recipe("snooker", 5, [0.0, 0.0, 0.0, 1.0]),
+    Recipe("ind t50", 50, [1.0, 0.0, 0.0, 0.0]),
+    Recipe("ind t5", 5, [1.0, 0.0, 0.0, 0.0]),
+    Recipe("0.7t50 0.25 0.05", 50, [0.7, 0.25, 0.05, 0.0]),
+    Recipe("0.7t5 0.25 0.05", 5, [0.7, 0.25, 0.05, 0.0]),
+    Recipe("0.5t5 0.4 0 0.1", 5, [0.5, 0.4, 0.0, 0.1]),
+    Recipe("0.5t5 0.25 0 0.25", 5, [0.5, 0.25, 0.0, 0.25]),
 ];
 
 fn build(recipe: &Recipe, walkers: usize) -> Ensemble {
     let moves: [Box<dyn Move>; 4] = [
-        Box::new(Independence { tail: recipe.1 }),
+        Box::new(Independence { dof: recipe.1 }),
         Box::new(De::default()),
         Box::new(Stretch::default()),
         Box::new(Snooker::default()),

@@ -32,7 +32,7 @@ use plychain::sample::{
     Stream, Stretch, run,
 };
 use plychain::sample::{LogDensity, laplace};
-use plychain::trace::{explain, with_density};
+use plychain::trace::explain;
 use pulp::{Simd, WithSimd};
 use tabulated::{Tabulated, TabulatedPosterior};
 
@@ -63,7 +63,7 @@ fn main() {
     quoted();
 }
 
-/// The same of a posterior to quote.
+/// The same of the last round of a loop.
 fn quoted() {
     let text = std::fs::read_to_string("models/openhole.json").unwrap();
     let mut file: serde_json::Value = serde_json::from_str(&text).unwrap();
@@ -79,21 +79,20 @@ fn quoted() {
         doubting: Doubting::Unasked,
     };
     let closed = explain(&model, 3, &options, &Silent).unwrap();
-    println!("the posterior to quote");
+    println!("the last round of a loop");
     let last = &closed.rounds[closed.rounds.len() - 1];
-    with_density(last, &mut |density, centre, sd| {
-        let key = Key {
-            seed: 1,
-            ensemble: 0,
-        };
-        let point = |walker| {
-            let mut rng = Stream::at(key, walker, 0);
-            [0, 1, 2, 3].map(|k: usize| centre[k] + 0.5 * sd[k] * rng.normal())
-        };
-        let start: Vec<[f64; 4]> = (0..64).map(point).collect();
-        compare(&Any(density), density, &start, QUOTED_DRAWS);
-    })
-    .unwrap();
+    let density = last.identification.inverse.posed.density.clone();
+    let (centre, sd) = density.start();
+    let key = Key {
+        seed: 1,
+        ensemble: 0,
+    };
+    let point = |walker| {
+        let mut rng = Stream::at(key, walker, 0);
+        [0, 1, 2, 3].map(|k: usize| centre[k] + 0.5 * sd[k] * rng.normal())
+    };
+    let start: Vec<[f64; 4]> = (0..64).map(point).collect();
+    compare(&Any(&density), &density, &start, QUOTED_DRAWS);
 }
 
 /// Their samplers on `plain` beside ours on the same density.

@@ -95,8 +95,6 @@ pub struct Figure {
     /// What it shows, for those who cannot see it and as its caption.
     pub alt: String,
     pub svg: String,
-    /// Width and height, pixels.
-    pub size: (u32, u32),
     /// Whether it has a file of its own beside the page.
     pub has_file: bool,
 }
@@ -142,7 +140,6 @@ pub fn draw(
         name,
         alt,
         svg,
-        size,
         has_file: true,
     })
 }

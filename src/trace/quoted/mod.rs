@@ -7,7 +7,7 @@ mod pose;
 mod run;
 mod variables;
 
-pub use run::{Proposals, Quoted, quote, rule, with_density};
+pub use run::{Proposals, Quoted, quote, rule};
 
 /// What an answer supposes beside what is declared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -18,7 +18,7 @@ use crate::linearise::{Forward, Sensitivities};
 use crate::numeric::diagonal;
 use crate::parameter::Parameter;
 use crate::posterior::{About, CoarseForwards, Full, FullModels, Importance, TestExpansion};
-use crate::progress::{Progress, Silent};
+use crate::progress::Progress;
 use crate::sample::{
     self, Ensemble, Key, LogDensity, Outcome, POOR, Regime, Sampler, Schedule, Start, Stream,
     adapted,
@@ -151,36 +151,6 @@ pub fn quote(
         all => together(all)?,
     };
     Ok(Quoted { answers, draws })
-}
-
-/// Takes a density, a point to start from and the sd to start with.
-type Showing<'a> = &'a mut dyn FnMut(&dyn LogDensity, &[f64], &[f64]);
-
-/// Show somebody the density of a round's answer to quote where the account is not suspect, with a point to start from and the sd to start
-/// with.
-///
-/// # Errors
-/// Those of finite-element solutions.
-pub fn with_density(round: &Round, act: Showing<'_>) -> Result<()> {
-    let (model, averaged) = (&round.model, &round.tracing.averaged);
-    let prepared = &round.identification.inverse.prepared;
-    let measured = &round.traced.evidence.measured;
-    let fine = forward(model, prepared, measured, &|| ());
-    let coarse = round.identification.inverse.coarse.as_ref();
-    let coarse =
-        coarse.map(|c| c.forwards(&round.model, prepared, &round.traced.evidence.measured));
-    let meshes = RoundMeshes {
-        round,
-        fine: &fine,
-        coarse: coarse.as_ref(),
-        is_wider: false,
-        progress: &Silent,
-    };
-    let expanded = meshes.expanded()?;
-    let sampled = PosedAnswer::new(model, &round.traced, Arc::new(expanded), Supposing::Small)?;
-    let (centre, sd) = sampled.start(averaged);
-    act(&sampled.posed.density, &centre, &sd);
-    Ok(())
 }
 
 /// The linearisation of the identification, where tracing has not moved from it.
