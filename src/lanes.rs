@@ -60,14 +60,6 @@ impl DerefMut for Lanes {
     }
 }
 
-/// The number in the first lane.
-#[inline(always)]
-pub fn first<S: pulp::Simd>(_simd: S, x: S::f64s) -> f64 {
-    let mut lanes = Lanes::splat(0.0);
-    S::as_mut_simd_f64s(&mut lanes).0[0] = x;
-    lanes[0]
-}
-
 /// A number for every lane, computed by the same expression.
 #[inline(always)]
 pub fn each(f: impl Fn(usize) -> f64) -> Lanes {

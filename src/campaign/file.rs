@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use serde::de::IgnoredAny;
 use serde::{Deserialize, Deserializer, Serialize};
 use serde_json::Value;
 use serde_with::skip_serializing_none;
@@ -42,8 +43,9 @@ pub struct CampaignFile {
     pub schema: String,
     /// Names the campaign's folder.
     pub name: String,
-
-    pub note: Option<String>,
+    /// For people.
+    #[serde(default)]
+    pub note: IgnoredAny,
     #[serde(default)]
     pub verb: Verb,
     /// Model files, or patterns of them (`*` and `?` in a file's name).

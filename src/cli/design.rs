@@ -7,9 +7,12 @@ use clap::Args;
 use super::console::Console;
 use super::{DEFAULT_MODEL, print, results};
 use crate::error::{Error, Result};
+use crate::experiment::simulate::HALF_WINDOW;
 use crate::files;
+use crate::identify;
 use crate::laminate::MeanSd;
 use crate::progress::Progress;
+use crate::quantity::{NM_PER_MM, significant};
 use crate::report::design::{Constants, DesignReport};
 use crate::section::terminal;
 use crate::study::{Measuring, SharedConstants, Study};
@@ -30,12 +33,12 @@ pub struct DesignArguments {
     /// Constants to rank the tests by (default: all)
     #[arg(long = "for", value_name = "NAME,...", value_delimiter = ',')]
     wanted: Vec<String>,
-    /// Noise of a point of a field, sd in nm; above 0
-    #[arg(long, default_value_t = 10.0)]
-    noise_nm: f64,
-    /// Number of points along each side of a field's window, 5 to 4000
-    #[arg(long, default_value_t = 243, value_parser = clap::value_parser!(u16).range(5..=4000))]
-    grid: u16,
+    /// Noise of a point of a field, sd in nm; above 0 (default: that of the model's own measurement, or else what is usual)
+    #[arg(long)]
+    noise_nm: Option<f64>,
+    /// Number of points along each side of a field's window, 5 to 4000 (default: as many points as the model's own measurement has)
+    #[arg(long, value_parser = clap::value_parser!(u16).range(5..=4000))]
+    grid: Option<u16>,
     /// File to write the numbers to, as JSON
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -59,17 +62,14 @@ fn laminate(study: &Study) -> Result<(Vec<f64>, MeanSd)> {
 }
 
 pub fn run(arguments: &DesignArguments, console: &Console) -> Result<()> {
-    if !(arguments.noise_nm > 0.0 && arguments.noise_nm < 1e9) {
-        return Err(Error::input("--noise-nm", "a number above 0").found(arguments.noise_nm));
+    if let Some(noise) = arguments.noise_nm.filter(|n| !(*n > 0.0 && *n < 1e9)) {
+        return Err(Error::input("--noise-nm", "a number above 0").found(noise));
     }
     let own = Study::load(&arguments.model)?;
     let (shared, tests) = (own.shared(), declared(&own));
     let wanted = wanted(arguments, &shared)?;
     let candidates = candidates(arguments, &own)?;
-    let measuring = Measuring {
-        noise_nm: arguments.noise_nm,
-        grid: usize::from(arguments.grid),
-    };
+    let (measuring, assumed) = measuring(arguments, &own, console);
     let count = (tests.len() + candidates.len()) as u64;
     console.begin("what each experiment would say", Some(count));
     let assessed =
@@ -87,7 +87,10 @@ pub fn run(arguments: &DesignArguments, console: &Console) -> Result<()> {
         priors: &shared.constants,
         wanted: &wanted,
     };
-    let report = DesignReport::new(own.name(), &constants, &declared, others);
+    let report = DesignReport {
+        assumed,
+        ..DesignReport::new(own.name(), &constants, &declared, others)
+    };
     results(&report)?;
     print(&terminal(&report.sections()))?;
     if let Some(out) = &arguments.out {
@@ -95,6 +98,56 @@ pub fn run(arguments: &DesignArguments, console: &Console) -> Result<()> {
         print(&format!("\nwritten to {}\n", out.display()))?;
     }
     Ok(())
+}
+
+/// Noise of moire and of image correlation, nm, and points along a side, where nothing says them.
+const MOIRE: (f64, usize) = (10.0, 243);
+const IMAGES_PX: f64 = 0.02;
+const IMAGES_NM: f64 = 400.0;
+
+/// Points of image correlation along a side of a subset.
+const STEPS_A_SUBSET: f64 = 3.0;
+
+/// How a field would be measured, and in words what says so: the options, the measurement that the model has, or what is usual.
+fn measuring(arguments: &DesignArguments, own: &Study, console: &Console) -> (Measuring, String) {
+    let Some((_, model)) = own.fields().next() else {
+        let (noise_nm, grid) = MOIRE;
+        return (Measuring { noise_nm, grid }, String::new());
+    };
+    let wants_both = arguments.noise_nm.is_some() && arguments.grid.is_some();
+    let measured = || {
+        let prepared = identify::prepare(model, console).ok()?;
+        let points = prepared.observation.field.len();
+        let inverse = identify::inverse_problem(model, prepared, console).ok()?;
+        Some((
+            inverse.noise.reference_nm(),
+            (points as f64).sqrt() as usize,
+        ))
+    };
+    let found = if wants_both { None } else { measured() };
+    let images = model.experiment().measurement.image_correlation;
+    let usual = images.map_or(MOIRE, |images| {
+        let noise = images.pixel_mm.map(|px| IMAGES_PX * px * NM_PER_MM);
+        let side = 2.0 * HALF_WINDOW * model.experiment().specimen.width_mm;
+        let grid = STEPS_A_SUBSET * side / images.subset_mm;
+        (noise.unwrap_or(IMAGES_NM), grid as usize)
+    });
+    let (noise, grid) = found.unwrap_or(usual);
+    let measuring = Measuring {
+        noise_nm: arguments.noise_nm.unwrap_or(noise),
+        grid: arguments.grid.map_or(grid, usize::from),
+    };
+    let source = match (found, wants_both) {
+        (Some(_), _) => "as the model's own measurement has them, where no option says otherwise",
+        (None, true) => "as the options say",
+        (None, false) => {
+            "ASSUMED, because the model's measurement cannot be read: give --noise-nm and --grid"
+        }
+    };
+    let Measuring { noise_nm, grid } = measuring;
+    let noise = significant(noise_nm, 0.1 * noise_nm);
+    let said = format!("fields of {grid} x {grid} points with {noise} nm of noise, {source}");
+    (measuring, said)
 }
 
 /// Places of the constants that matter.

@@ -28,15 +28,15 @@ pub(super) fn prepare(global: &Global, verb: &Command) -> Result<()> {
 
 /// Whether a verb prints results, and not only what it wrote or how to use it.
 fn has_results(verb: &Command) -> bool {
-    match verb {
+    !matches!(
+        verb,
         Command::Export(_)
-        | Command::Report(_)
-        | Command::DesignOfExperiments(_)
-        | Command::Simulate(_)
-        | Command::Init(_)
-        | Command::Help(_) => false,
-        _ => true,
-    }
+            | Command::Report(_)
+            | Command::DesignOfExperiments(_)
+            | Command::Simulate(_)
+            | Command::Init(_)
+            | Command::Help(_)
+    )
 }
 
 /// Print text to standard output, unless results are printed as JSON.

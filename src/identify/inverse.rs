@@ -304,6 +304,10 @@ pub fn reaches(model: &Model, sds: &[f64]) -> (Vec<f64>, Vec<f64>) {
 /// A mode farther from where the test was linearised than this share of the surface's box is where it is linearised next.
 const OFF_CENTRE: f64 = 0.4;
 
+/// The same of an amplitude of which the field is no multiple, prior sds. A loud effect bends: linearised where all candidates share what it does,
+/// a hole 5 % larger moved nu12 by 0.13 posterior sd.
+const OFF_AMPLITUDE: f64 = 0.1;
+
 /// How often the box is moved.
 const MOVES: usize = 2;
 
@@ -372,9 +376,15 @@ impl FirstLook<'_> {
                 .zip(&own.state.shared.constants)
                 .zip(&reach);
             let is_off = each.map(|((x, at), reach)| (x - at).abs() > OFF_CENTRE * reach);
-            if !is_off.fold(false, |any, off| any | off) {
+            let is_off = is_off.fold(false, |any, off| any | off);
+            let (amplitudes, _) = posed.amplitudes_at(&mode.mode);
+            let mut next = own.state.clone();
+            let found = (&posed.expanded.here, amplitudes.as_slice());
+            let by = fine.amplitudes_moved(&mut next, &own.declared, found);
+            if !is_off && by <= OFF_AMPLITUDE {
                 return Ok((own, posed));
             }
+            own.state = next;
             let constants = own.state.shared.constants.len();
             own.state.shared.constants = mode.mode[..constants].to_vec();
             moves += 1;

@@ -240,14 +240,9 @@ impl ModelOutline {
     /// # Errors
     /// The input's fault, with the line or the key.
     pub fn read(text: &str, place: &str) -> Result<Self> {
-        #[derive(Deserialize)]
-        struct Header {
-            schema: Option<String>,
-        }
         // Text that is no JSON is left to the parser of the whole file, whose error knows the key.
-        let header: Option<Header> = serde_json::from_str(text).ok();
-        let schema = header.and_then(|h| h.schema);
-        if let Some(other) = schema.filter(|schema| schema != SCHEMA) {
+        let header: Value = serde_json::from_str(text).unwrap_or_default();
+        if let Some(other) = header["schema"].as_str().filter(|schema| *schema != SCHEMA) {
             return Err(Error::input(format!("{place}: schema"), format!("\"{SCHEMA}\""))
                 .found(other)
                 .hint("a file of another version: write a new one with `plychain init`, and copy the values"));

@@ -78,8 +78,20 @@ impl Forward<'_> {
         (sensitivities, wanted): (&Sensitivities, &[f64]),
         most: f64,
     ) -> f64 {
-        let mut moved = constants_moved(&mut state.shared, sensitivities, wanted, most);
-        let base = &sensitivities.base;
+        let moved = constants_moved(&mut state.shared, sensitivities, wanted, most);
+        let amplitudes = &wanted[sensitivities.constants..];
+        moved.max(self.amplitudes_moved(state, declared, (sensitivities, amplitudes)))
+    }
+
+    /// The same of the amplitudes alone, of which `wanted` are those behind the constants.
+    pub fn amplitudes_moved(
+        &self,
+        state: &mut SeriesState,
+        declared: &[EffectUnderLaw],
+        (sensitivities, wanted): (&Sensitivities, &[f64]),
+    ) -> f64 {
+        let mut moved = 0.0_f64;
+        let base = &sensitivities.base[sensitivities.constants..];
         let shifts = state.shifts.iter_mut().flatten();
         let phases = base.iter().zip(wanted).filter(|(c, _)| c.is_phase());
         for (shift, (column, wanted)) in shifts.zip(phases) {

@@ -1,6 +1,5 @@
 //! The reduced model: Latin hypercube, snapshots, POD, response surfaces.
 
-mod cross;
 mod design;
 mod model;
 mod modes;
@@ -12,7 +11,6 @@ pub mod supplied;
 mod surface;
 mod variables;
 
-pub use cross::{CrossValidation, leave_one_out};
 pub use design::{Dimension, THICKNESS, exponents, latin_hypercube, monomial};
 pub use model::ReducedModel;
 pub use modes::Modes;

@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::cross::{CrossValidation, leave_one_out};
 use super::design::Dimension;
 use super::pod;
 use super::problem::Problem;
@@ -25,8 +24,6 @@ pub struct ReducedModel {
     pub plain: Surface,
     /// Truncation error eps (article Eq. 10) of each component for K = 1, 2, ...
     pub truncation: [Vec<f64>; 2],
-    /// Leave-one-out truncation error CV_RMS (article Table 8) of each component for K = 1, 2, ...
-    pub cross_validation: [CrossValidation; 2],
     pub snapshots: usize,
     /// Elements and unknowns of the mesh.
     pub mesh_size: [usize; 2],
@@ -62,11 +59,7 @@ impl ReducedModel {
             || pod::decompose_as_seen(&snapshots.fields[1], &snapshots.seen[1]),
         );
         let pods = [first?, second?];
-        let cross_validation = [0, 1].map(|c| leave_one_out(&pods[c], TABLED));
-        let k = problem
-            .spec
-            .modes
-            .resolve(&cross_validation, snapshots.points.len());
+        let k = problem.spec.modes.resolve(&pods, snapshots.seen[0].nrows());
         let values: Vec<Vec<f64>> = pods
             .iter()
             .flat_map(|pod| {
@@ -92,7 +85,6 @@ impl ReducedModel {
             surface,
             plain,
             truncation: [0, 1].map(|c| (1..=TABLED).map(|k| pods[c].truncation_error(k)).collect()),
-            cross_validation,
             snapshots: snapshots.points.len(),
             mesh_size: problem.experiment.mesh_size(),
         })

@@ -3,35 +3,31 @@
 use serde::de::{Deserializer, Error, Visitor};
 use serde::{Deserialize, Serialize, Serializer};
 
-use super::cross::CrossValidation;
+use super::pod::Pod;
 
 /// The `modes` key of a model file.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Modes {
     /// This many for each component; 4 is the article's setting.
     Count(usize),
-    /// `"auto"`: the fewest with a leave-one-out field error (CV_RMS) of at most 0.05 nm in both components.
+    /// `"auto"`: the fewest that leave at most 0.005 nm (root mean square) of the snapshots of both components.
     Auto,
 }
 
-/// Largest truncation error under [`Modes::Auto`], mm: a twentieth of a nanometre. The quietest effect that is to be
-/// traced leaves about one nanometre, and good moire noise is ten times that.
-pub const AUTO_MM: f64 = 5e-8;
+/// Largest truncation error under [`Modes::Auto`], root mean square over points and snapshots, mm. The quietest effect that is to be traced
+/// leaves about one nanometre, and at the worst point of the worst snapshot the error is ten times as large.
+pub const AUTO_MM: f64 = 5e-9;
 
 impl Modes {
-    /// The number of modes of each component, given both components' cross-validation and the number of snapshots. [`Modes::Auto`] takes
-    /// all modes that were cross-validated if even they are not enough.
-    pub fn resolve(self, cross: &[CrossValidation; 2], snapshots: usize) -> usize {
+    /// The number of modes of each component, given their decompositions, each of snapshots at so many `points`.
+    pub fn resolve(self, pods: &[Pod; 2], points: usize) -> usize {
+        let most = pods[0].singular.len();
         match self {
-            Modes::Count(k) => k.min(snapshots),
-            Modes::Auto => cross
-                .iter()
-                .map(|c| {
-                    let enough = c.mm.iter().position(|&e| e <= AUTO_MM);
-                    enough.map_or(c.mm.len(), |k| k + 1)
-                })
-                .max()
-                .unwrap_or(1),
+            Modes::Count(k) => k.min(most),
+            Modes::Auto => {
+                let enough = |k: &usize| pods.iter().all(|pod| pod.left_mm(*k, points) <= AUTO_MM);
+                (1..most).find(enough).unwrap_or(most)
+            }
         }
     }
 }

@@ -82,6 +82,12 @@ impl Pod {
         tail / total
     }
 
+    /// What `k` modes leave of the snapshots, root mean square over them and their `points`, mm.
+    pub fn left_mm(&self, k: usize, points: usize) -> f64 {
+        let tail: f64 = self.singular.iter().skip(k).map(|s| s * s).sum();
+        (tail / (points * self.right.nrows()) as f64).sqrt()
+    }
+
     /// Coefficients of the snapshots in the first `k` modes: N x k, mm.
     pub fn coefficients(&self, k: usize) -> Mat<f64> {
         Mat::from_fn(self.right.nrows(), k, |i, j| {

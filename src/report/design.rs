@@ -19,6 +19,9 @@ pub const SCHEMA: &str = "plychain-design/1";
 pub struct DesignReport {
     pub schema: &'static str,
     pub model: String,
+    /// How fields would be measured, and what says so.
+    #[serde(skip_serializing_if = "String::is_empty")]
+    pub assumed: String,
     /// Constants by which experiments are ranked.
     pub ranked_by: Vec<String>,
     pub prior_sd_percent: Keyed<f64>,
@@ -144,6 +147,7 @@ impl DesignReport {
         Self {
             schema: SCHEMA,
             model: model.into(),
+            assumed: String::new(),
             ranked_by: constants
                 .wanted
                 .iter()
@@ -159,7 +163,8 @@ impl DesignReport {
     /// What is declared, what to measure next, and what could act unseen.
     pub fn sections(&self) -> Vec<Section> {
         let names: Vec<&str> = self.prior_sd_percent.keys().map(String::as_str).collect();
-        let declared = Section::new(format!("{}: what is declared", self.model));
+        let declared =
+            Section::new(format!("{}: what is declared", self.model)).say(self.assumed.clone());
         let mut sections = vec![
             declared.with(self.declared_table(&names)),
             self.candidates_section(&names),
@@ -200,13 +205,31 @@ impl DesignReport {
         let header = once("posterior sd, %, any effect acting".to_string())
             .chain(names.iter().map(|n| (*n).to_string()))
             .chain(names.iter().map(|n| format!("+ {n}")));
-        Section::new(format!(
+        let section = Section::new(format!(
             "what to measure next: {} of {} candidates, best for {} beside what is declared; \"+\": together with it",
             self.candidates.len().min(SHOWN),
             self.candidates.len(),
             self.ranked_by.join(", ")
+        ));
+        section
+            .say(self.advice().unwrap_or_default())
+            .with(Table::new("", header, rows))
+    }
+
+    /// What the best candidate does to the constant that it helps most.
+    fn advice(&self) -> Option<String> {
+        let best = self.candidates.first()?;
+        let before = &self.declared.first()?.together_percent;
+        let gain =
+            |name: &str| before.get(name).copied().unwrap_or(0.0) / best.together_percent[name];
+        let names = self.ranked_by.iter();
+        let name = names.max_by(|a, b| gain(a).total_cmp(&gain(b)))?;
+        let [from, to] =
+            [before, &best.together_percent].map(|of| Digits::Fixed(1).write(of[name]));
+        Some(format!(
+            "Measured beside what is declared, {} takes {name} from {from} to {to} %.",
+            best.name
         ))
-        .with(Table::new("", header, rows))
     }
 
     /// Effects that move a constant by more than its sd and that the field does not show, or hardly.

@@ -31,8 +31,6 @@ pub fn numbers(reduced: &ReducedModel) -> Value {
         "modes": reduced.modes_per_component(),
         "doe": reduced.sides(),
         "table_3_truncation_error_K_1_up": by_component(&|c| json!(reduced.truncation[c])),
-        "table_8_cv_rms_mm_K_1_up": by_component(&|c| json!(reduced.cross_validation[c].mm)),
-        "table_8_cv_rms_percent_K_1_up": by_component(&|c| json!(reduced.cross_validation[c].percent)),
         "surface_kept": surface_numbers(&reduced.surface),
         "tables_9_10_plain_surface": surface_numbers(&reduced.plain),
     })
@@ -120,22 +118,12 @@ fn surface_row(coefficient: String, q: &Quality) -> Vec<TableCell> {
 fn truncations(reduced: &ReducedModel) -> Table {
     let most = reduced.truncation[0].len();
     let rows = (1..most).map(|k| {
-        let component = |c: usize| {
-            let cross = &reduced.cross_validation[c];
-            let errors = [
-                reduced.truncation[c].get(k),
-                cross.mm.get(k),
-                cross.percent.get(k),
-            ];
-            errors.map(|v| TableCell::science(v.copied(), 3))
-        };
-        row((k + 1).to_string(), [0, 1].into_iter().flat_map(component))
+        let errors = reduced.truncation.iter();
+        let errors = errors.map(|eps| TableCell::science(eps.get(k).copied(), 3));
+        row((k + 1).to_string(), errors)
     });
-    let header = [
-        "K", "eps U", "CV U mm", "CV U %", "eps V", "CV V mm", "CV V %",
-    ];
-    let caption = "truncation error eps (Table 3) and leave-one-out CV_RMS (Table 8)";
-    Table::new(caption, header, rows)
+    let caption = "truncation error eps (Table 3)";
+    Table::new(caption, ["K", "eps U", "eps V"], rows)
 }
 
 /// A reduced basis beside the solver.

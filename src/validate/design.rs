@@ -100,6 +100,8 @@ fn coupon(model: &Model, layup: Vec<f64>, times: f64) -> Option<Model> {
     let spec = other.experiment_mut();
     spec.load = Some(load);
     spec.steps = None;
+    // the one field of a coupon to come, in place of the files of a series
+    spec.measurement = spec.measurement.clone().with_path("planned.csv".into());
     let text = other.file.to_json().ok()?.to_string();
     Model::parse(&text, &model.path).ok()
 }

@@ -17,7 +17,9 @@ use crate::infer::Marginal;
 use crate::linearise::{Forward, Sensitivities};
 use crate::numeric::diagonal;
 use crate::parameter::Parameter;
-use crate::posterior::{About, CoarseForwards, Full, FullModels, Importance, TestExpansion};
+use crate::posterior::{
+    About, CoarseForwards, Full, FullModels, Importance, LinearisationPoint, TestExpansion,
+};
 use crate::progress::Progress;
 use crate::sample::{
     self, Ensemble, Key, LogDensity, Outcome, POOR, Regime, Sampler, Schedule, Start, Stream,
@@ -26,7 +28,6 @@ use crate::sample::{
 use crate::trace::averaged::Interval;
 use crate::trace::round::Round;
 use crate::trace::suspect::hull;
-use crate::trace::traced::Traced;
 
 /// The posterior to quote.
 pub struct Quoted {
@@ -153,11 +154,22 @@ pub fn quote(
     Ok(Quoted { answers, draws })
 }
 
-/// The linearisation of the identification, where tracing has not moved from it.
-fn known(round: &Round) -> Option<Sensitivities> {
+/// Where the test of a round is expanded: about the mode that its own model has, unless tracing has moved elsewhere. With the linearisation
+/// there, if it is known.
+fn centre(round: &Round) -> Result<(LinearisationPoint, Option<Sensitivities>)> {
     let inverse = &round.identification.inverse;
-    let is_same = to_bytes(&round.traced.point).ok()? == to_bytes(&inverse.point).ok()?;
-    is_same.then(|| inverse.sensitivities.clone())
+    let traced = &round.traced.point;
+    if to_bytes(traced)? != to_bytes(&inverse.point)? {
+        return Ok((traced.clone(), None));
+    }
+    let state = inverse.about.state.clone();
+    let is_known = to_bytes(&state)? == to_bytes(&traced.state)?;
+    let known = is_known.then(|| inverse.sensitivities.clone());
+    let point = LinearisationPoint {
+        state,
+        ..traced.clone()
+    };
+    Ok((point, known))
 }
 
 /// Some answers of a round.
@@ -177,8 +189,10 @@ fn sampled(
     let Some(kept) = which.first().map(|first| options(*first).stages()) else {
         return Ok(Vec::new());
     };
+    let (point, _) = centre(round)?;
     let meshes = RoundMeshes {
         round,
+        point,
         fine: &fine,
         coarse: coarse.as_ref(),
         // answers beside the account may be as wide as the prior
@@ -201,6 +215,7 @@ fn sampled(
 /// A round's test on its meshes.
 struct RoundMeshes<'a> {
     round: &'a Round,
+    point: LinearisationPoint,
     fine: &'a Forward<'a>,
     coarse: Option<&'a CoarseForwards<'a>>,
     is_wider: bool,
@@ -212,7 +227,8 @@ impl RoundMeshes<'_> {
     fn expanded(&self) -> Result<TestExpansion> {
         let what = "quoted posterior: sensitivities that follow the constants";
         self.progress.begin(what, None);
-        let Traced { evidence, point } = &self.round.traced;
+        let (evidence, point) = (&self.round.traced.evidence, &self.point);
+        let (_, known) = centre(self.round)?;
         let model = &self.round.model;
         let names = model.constants().iter().zip(model.marginals());
         let sd = |(name, m): (&&str, Marginal)| match self.round.tracing.averaged.get(*name) {
@@ -225,7 +241,7 @@ impl RoundMeshes<'_> {
             state: &point.state,
             declared: &point.declared,
             sought: &point.sought,
-            here: known(self.round),
+            here: known,
             steps,
             reach,
             norms: &|errors| evidence.norms(errors),
@@ -277,6 +293,7 @@ impl AnsweredTest<'_> {
             fine,
             coarse,
             progress,
+            ref point,
             ..
         } = *self.meshes;
         progress.begin(&format!("quoted posterior: {}", supposing.words()), None);
@@ -292,7 +309,7 @@ impl AnsweredTest<'_> {
         );
         let full = |forward, here| Full {
             forward,
-            point: &round.traced.point,
+            point,
             here,
         };
         let rough = coarse.map(|c| full(&c.at_few_points, &self.expanded.about));

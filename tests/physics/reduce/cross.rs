@@ -4,12 +4,11 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, ColRef, Mat, Par};
 use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
-use super::pod::Pod;
+use plychain::reduce::Pod;
 
 /// CV_RMS of one displacement component for K = 1, 2, ... modes.
-#[derive(Debug, Clone, Serialize, Deserialize)]
+#[derive(Debug)]
 pub struct CrossValidation {
     /// Root mean square, over the snapshots left out, of the largest absolute field error, mm.
     pub mm: Vec<f64>,
