@@ -54,7 +54,8 @@ use output::{print, results};
     version,
     propagate_version = true,
     arg_required_else_help = true,
-    disable_help_subcommand = true
+    disable_help_subcommand = true,
+    subcommand_help_heading = "Commands, the first three to start with"
 )]
 pub struct Cli {
     #[command(subcommand)]
@@ -65,6 +66,7 @@ pub struct Cli {
 
 /// Options of every verb.
 #[derive(Debug, Args)]
+#[command(next_help_heading = "Options of every command")]
 struct Global {
     /// Seed of the random numbers; the same seed gives the same bits
     #[arg(long, global = true, default_value_t = 1)]
@@ -85,40 +87,40 @@ struct Global {
 
 #[derive(Debug, Subcommand)]
 enum Command {
+    /// Write a model file for your own specimen, or an example with its data
+    Init(init::InitArguments),
     /// Identify the constants, look for causes of the residual, and report
     Loop(closing::LoopArguments),
+    /// Write the report of a run again, or compare runs
+    Report(report::ReportArguments),
+    /// Suggest the next experiment
+    Design(design::DesignArguments),
+    /// List the effects, with their units, signs and tests
+    Effects(effects::EffectsArguments),
+    /// Simulate a measurement, with effects and noise
+    Simulate(simulate::SimulateArguments),
+    /// Compute a displacement field from pictures of fringes
+    Fringes(fringes::FringesArguments),
     /// Identify the constants of a model from its measurement
     Identify(identify::IdentifyArguments),
     /// Weigh the effects that could explain a finished run's residual, without sampling again
     Trace(closing::TraceArguments),
-    /// Build the reduced model and print its error tables
-    Build(build::BuildArguments),
-    /// Sample the log density that another program computes and serves over HTTP (UM-Bridge)
-    Sample(sample::SampleArguments),
-    /// Serve a model's log posterior and its predictions over HTTP on this machine (UM-Bridge), for other programs to sample
-    Serve(serve::ServeArguments),
-    /// Check whether chains have converged
-    Diagnose(diagnose::DiagnoseArguments),
-    /// Write a run's chains in another program's format
-    Export(diagnose::ExportArguments),
-    /// Write the report of a run again, or compare runs
-    Report(report::ReportArguments),
     /// Check a posterior against grid, Monte Carlo, other priors and finite elements, or calibrate it
     Validate(validate::ValidateArguments),
     /// Run many specimens, here or on a cluster, and collect what they found
     Campaign(Box<campaign::CampaignArguments>),
-    /// Suggest the next experiment
-    Design(design::DesignArguments),
+    /// Check whether chains have converged
+    Diagnose(diagnose::DiagnoseArguments),
+    /// Write a run's chains in another program's format
+    Export(diagnose::ExportArguments),
+    /// Sample the log density that another program computes and serves over HTTP (UM-Bridge)
+    Sample(sample::SampleArguments),
+    /// Serve a model's log posterior and its predictions over HTTP on this machine (UM-Bridge), for other programs to sample
+    Serve(serve::ServeArguments),
+    /// Build the reduced model and print its error tables
+    Build(build::BuildArguments),
     /// Write a table of constants for another finite-element program to solve, one row a solution
     DesignOfExperiments(doe::DoeArguments),
-    /// Compute a displacement field from pictures of fringes
-    Fringes(fringes::FringesArguments),
-    /// Simulate a measurement, with effects and noise
-    Simulate(simulate::SimulateArguments),
-    /// List the effects, with their units, signs and tests
-    Effects(effects::EffectsArguments),
-    /// Write a model file for your own specimen, or an example with its data
-    Init(init::InitArguments),
     /// Print the help of a command, or a section of the manuals
     Help(guide::HelpArguments),
 }

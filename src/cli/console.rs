@@ -29,9 +29,6 @@ pub struct Console {
 const LOOP_S: f64 = 12.0;
 const LOOP_S_PER_1000: f64 = 0.6;
 
-/// More processors than this save no time.
-const MOST_PROCESSORS: usize = 8;
-
 /// The stage in progress, if there is one, which the heartbeat looks at too.
 type Shared = Arc<Mutex<Option<Stage>>>;
 
@@ -215,7 +212,7 @@ impl Progress for Console {
         }
         let processors = rayon::current_num_threads();
         let one = LOOP_S + LOOP_S_PER_1000 * 1e-3 * (points * steps) as f64;
-        let expected = one * loops as f64 * 2.0 / processors.min(MOST_PROCESSORS) as f64;
+        let expected = one * loops as f64 * 2.0 / processors as f64;
         if self.expected_s.set(expected).is_err() {
             return;
         }

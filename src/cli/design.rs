@@ -137,16 +137,17 @@ fn measuring(arguments: &DesignArguments, own: &Study, console: &Console) -> (Me
         noise_nm: arguments.noise_nm.unwrap_or(noise),
         grid: arguments.grid.map_or(grid, usize::from),
     };
-    let source = match (found, wants_both) {
-        (Some(_), _) => "as the model's own measurement has them, where no option says otherwise",
-        (None, true) => "as the options say",
-        (None, false) => {
+    let source = match found.is_some() || wants_both {
+        true => "as the model's own measurement or the options have them",
+        false => {
             "ASSUMED, because the model's measurement cannot be read: give --noise-nm and --grid"
         }
     };
-    let Measuring { noise_nm, grid } = measuring;
-    let noise = significant(noise_nm, 0.1 * noise_nm);
-    let said = format!("fields of {grid} x {grid} points with {noise} nm of noise, {source}");
+    let noise = significant(measuring.noise_nm, 0.1 * measuring.noise_nm);
+    let said = format!(
+        "fields of {0} x {0} points with {noise} nm of noise, {source}",
+        measuring.grid
+    );
     (measuring, said)
 }
 

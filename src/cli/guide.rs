@@ -48,12 +48,20 @@ pub fn run(arguments: &HelpArguments) -> Result<()> {
         .iter()
         .flat_map(|(_, manual)| sections(manual, &wanted))
         .collect();
-    match found.is_empty() {
-        true => Err(Error::input("TOPIC", "a command, or words of a heading")
-            .found(&wanted)
-            .hint("plychain help lists commands and topics")),
-        false => print(&found),
+    if !found.is_empty() {
+        return print(&found);
     }
+    let said: Vec<String> = MANUALS
+        .iter()
+        .flat_map(|(_, m)| mentions(m, &wanted))
+        .collect();
+    let hint = match said.is_empty() {
+        true => "plychain help lists commands and topics".into(),
+        false => format!("sections that mention it: {}", said.join("; ")),
+    };
+    Err(Error::input("TOPIC", "a command, or words of a heading")
+        .found(&wanted)
+        .hint(hint))
 }
 
 /// The command that some words lead to, one below the other.
@@ -96,6 +104,17 @@ fn sections<'m>(manual: &'m str, wanted: &str) -> Vec<&'m str> {
         found.push(&manual[*begin..end]);
     }
     found
+}
+
+/// Headings of sections in whose text some words stand.
+fn mentions(manual: &str, wanted: &str) -> Vec<String> {
+    let all = headings(manual);
+    let ends = all.iter().skip(1).map(|(.., at)| *at).chain([manual.len()]);
+    let with = all.iter().zip(ends).filter(|((level, _, begin), end)| {
+        *level > 1 && manual[*begin..*end].to_lowercase().contains(wanted)
+    });
+    with.map(|((_, title, _), _)| (*title).to_string())
+        .collect()
 }
 
 /// The manuals and their sections, one line each.

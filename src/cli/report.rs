@@ -11,6 +11,7 @@ use crate::files;
 use crate::report::run::comparison;
 use crate::report::study::StudyReport;
 use crate::report::{Page, html};
+use crate::section::terminal;
 
 /// Arguments of `report`.
 #[derive(Debug, Args)]
@@ -49,7 +50,9 @@ pub fn run(arguments: &ReportArguments) -> Result<()> {
         .collect::<Result<Vec<_>>>()?;
     let beside = || arguments.runs[0].join("comparison.html");
     let out = arguments.out.clone().unwrap_or_else(beside);
-    files::replace(&out, html(&comparison(&pages), &[]))?;
+    let compared = comparison(&pages);
+    files::replace(&out, html(&compared, &[]))?;
+    print(&terminal(&compared.sections[..2]))?;
     print(&format!("written to {}\n", out.display()))
 }
 

@@ -370,13 +370,12 @@ impl FirstLook<'_> {
             let Some(mode) = mode.filter(|_| moves < MOVES) else {
                 return Ok((own, posed));
             };
-            let each = mode
+            let mut each = mode
                 .mode
                 .iter()
                 .zip(&own.state.shared.constants)
                 .zip(&reach);
-            let is_off = each.map(|((x, at), reach)| (x - at).abs() > OFF_CENTRE * reach);
-            let is_off = is_off.fold(false, |any, off| any | off);
+            let is_off = each.any(|((x, at), reach)| (x - at).abs() > OFF_CENTRE * reach);
             let (amplitudes, _) = posed.amplitudes_at(&mode.mode);
             let mut next = own.state.clone();
             let found = (&posed.expanded.here, amplitudes.as_slice());

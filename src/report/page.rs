@@ -112,6 +112,16 @@ impl Page {
         first.into_iter().flat_map(|r| r.constants()).collect()
     }
 
+    /// The result for a constant, mean, sd and the ends of the 95 % interval: averaged over what may act unseen, of a run that did not look for
+    /// causes the model's own.
+    pub fn to_quote(&self, name: &str) -> Option<[f64; 4]> {
+        if let Some(i) = self.report.averaged(name) {
+            return Some([i.mean, i.sd, i.low, i.high]);
+        }
+        let p = self.report.last()?.posterior.get(name)?;
+        Some([p.mean, p.sd, p.low, p.high])
+    }
+
     /// The true value of a parameter, if it is known.
     pub fn true_value(&self, name: &str) -> Option<f64> {
         self.truth.of(name)

@@ -5,7 +5,7 @@ use serde_json::{Value, json};
 use super::json::finite;
 use super::tracing::{
     AliasGroupReport, AliasReport, AmplitudeReport, BlindSpotReport, CandidateReport, LeftOut,
-    NeededAmplitude, ResemblingReport, TracingReport,
+    TracingReport,
 };
 use super::words::LINEAR_PERCENT;
 use crate::parameter::Parameter;
@@ -95,17 +95,14 @@ fn group(group: &Named) -> AliasGroupReport {
     }
 }
 
-fn resembling(other: &Resembling) -> ResemblingReport {
-    ResemblingReport {
-        effect: other.effect.into(),
-        cosine: other.cosine,
-        amplitude: map(&other.amplitude, |(name, value)| NeededAmplitude {
-            parameter: parameter(name),
-            value: *value,
-        }),
-        plausible_multiple: other.multiple,
-        log_evidence_lost: other.log_bayes_factor_lost,
-    }
+fn resembling(other: &Resembling) -> Value {
+    json!({
+        "effect": other.effect,
+        "cosine": other.cosine,
+        "amplitude": map(&other.amplitude, |(name, value)| json!({ "parameter": parameter(name), "value": value })),
+        "plausible_multiple": other.multiple,
+        "log_evidence_lost": other.log_bayes_factor_lost,
+    })
 }
 
 /// What could hide in the residual.

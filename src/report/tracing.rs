@@ -1,6 +1,7 @@
 //! Effects in `report.json`: what a residual was traced to, and what could hide in it.
 
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::json::{Keyed, nan, or_nan};
 use crate::experiment::series::Law;
@@ -85,9 +86,9 @@ pub struct AliasGroupReport {
     pub members: Vec<String>,
     /// Pairs that together could stand in.
     pub pairs: Vec<[String; 2]>,
-    /// Effects outside the group that leave almost the same field.
+    /// Effects outside the group that leave almost the same field, with the amplitudes that they would need: written for others to read.
     #[serde(default)]
-    pub resembling: Vec<ResemblingReport>,
+    pub resembling: Vec<Value>,
     /// Probability that some member acts.
     pub probability: f64,
     /// Log evidence lost when the group is dropped.
@@ -95,29 +96,6 @@ pub struct AliasGroupReport {
     pub log_evidence_lost_without: f64,
     /// Whether held-out blocks are predicted better with it.
     pub predicts_held_out_blocks: bool,
-}
-
-/// An effect outside a group that leaves almost the same field.
-#[derive(Debug, Serialize, Deserialize)]
-pub struct ResemblingReport {
-    pub effect: String,
-    /// Cosine of the leader's part of the field and the nearest field of this effect.
-    pub cosine: f64,
-    /// The amplitudes that it would need.
-    pub amplitude: Vec<NeededAmplitude>,
-    /// The largest of them over its prior sd.
-    #[serde(deserialize_with = "or_nan")]
-    pub plausible_multiple: f64,
-    /// Log evidence lost with it in the leader's place.
-    #[serde(deserialize_with = "or_nan")]
-    pub log_evidence_lost: f64,
-}
-
-/// An amplitude that would be needed, border units.
-#[derive(Debug, Serialize, Deserialize)]
-pub struct NeededAmplitude {
-    pub parameter: String,
-    pub value: f64,
 }
 
 /// An effect that was not weighed.

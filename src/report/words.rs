@@ -35,10 +35,10 @@ pub fn contradiction(sds: f64) -> Option<String> {
     (sds.abs() > PRIOR_SDS).then(|| format!("contradicts the prior by {sds:+.1} sd"))
 }
 
-/// Ratios of the averaged sd to that of the model alone of which nothing is said.
-const SIMILAR: std::ops::Range<f64> = 0.8..1.1;
+/// Ratio of the averaged sd to that of the model alone from which on something is said.
+const WIDER: f64 = 1.1;
 
-/// Why the averaged sd of a constant is larger, or smaller, than that of the model `alone`; nothing where all are alike. Of
+/// Why the averaged sd of a constant is larger than that of the model `alone`; nothing where none is. Of
 /// the most widened constant it is said which unseen effects move it most.
 pub fn widening(
     (alone, averaged): (&Keyed<MeanAndSd>, &Keyed<Interval>),
@@ -50,35 +50,25 @@ pub fn widening(
         .filter_map(|(name, bare)| Some((averaged.get(name)?.sd / bare.sd, name.as_str())))
         .collect();
     ratios.sort_by(|a, b| b.0.total_cmp(&a.0));
-    let list = |chosen: &dyn Fn(f64) -> bool| {
-        let chosen = ratios.iter().filter(|(ratio, _)| chosen(*ratio));
-        let said = chosen.map(|(ratio, name)| format!("{name} {ratio:.1} times"));
-        said.collect::<Vec<_>>().join(", ")
-    };
     let (most, most_of) = ratios.first()?;
-    if *most >= SIMILAR.end {
-        let cause = if tracing.discrepancy_probability > UNEXPLAINED {
-            "because the structure that is left is weighed as a smooth error of the model, and effects too small to be seen may act"
-        } else {
-            "because effects too small to be seen may act"
-        };
-        return Some(format!(
-            "The averaged sd is larger than that of the model alone ({}), {cause}.{} These effects could move {most_of} most without being seen: {}. In brackets: the shift by the largest plausible amplitude that would not show.",
-            list(&|ratio| ratio >= SIMILAR.end),
-            moved(alone, averaged),
-            movers(spots, most_of)
-        ));
+    if *most < WIDER {
+        return None;
     }
-    let narrower = list(&|ratio| ratio < SIMILAR.start);
-    let mut candidates = tracing.candidates.iter();
-    let cause = if candidates.any(|c| c.inclusion_probability >= PROBABLE) {
-        "the model alone takes for noise, or for unnamed errors of the model, what the effects weighed here explain"
+    let wider = ratios.iter().filter(|(ratio, _)| *ratio >= WIDER);
+    let wider: Vec<String> = wider
+        .map(|(r, name)| format!("{name} {r:.1} times"))
+        .collect();
+    let cause = if tracing.discrepancy_probability > UNEXPLAINED {
+        "because the structure that is left is weighed as a smooth error of the model, and effects too small to be seen may act"
     } else {
-        "the two weigh the noise in different ways. If no effect was added, quote the wider one"
+        "because effects too small to be seen may act"
     };
-    (!narrower.is_empty()).then(|| {
-        format!("The averaged sd is smaller than that of the model alone ({narrower}): {cause}.")
-    })
+    Some(format!(
+        "The sd to quote is larger than that of the model alone ({}), {cause}.{} These effects could move {most_of} most without being seen: {}. In brackets: the shift by the largest plausible amplitude that would not show.",
+        wider.join(", "),
+        moved(alone, averaged),
+        movers(spots, most_of)
+    ))
 }
 
 /// A constant that moves by more of the model's own sds is said to.

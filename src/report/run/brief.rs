@@ -98,15 +98,8 @@ fn why(verdict: &Conclusion) -> String {
 /// The constants to use, with 95 % interval, prior and what the data added.
 pub fn constants(page: &Page) -> Table {
     let report = &page.report;
-    let number = |name: &&str| {
-        if let Some(i) = report.averaged(name) {
-            return Some([i.mean, i.sd, i.low, i.high]);
-        }
-        let p = report.last()?.posterior.get(*name)?;
-        Some([p.mean, p.sd, p.low, p.high])
-    };
     let rows = page.constants().into_iter().filter_map(|name| {
-        let [mean, sd, low, high] = number(&name)?;
+        let [mean, sd, low, high] = page.to_quote(name)?;
         let [low, high] = [low, high].map(|end| significant(end, sd));
         let learned = report
             .learned

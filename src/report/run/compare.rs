@@ -13,7 +13,7 @@ const CHAINS: [NumberOfRound; 2] = [
     ("ESS bulk, smallest", |r| r.convergence.ess_bulk_min),
 ];
 
-/// A page that shows the last round of each run, and its averaged posterior, side by side. Runs go by their names.
+/// A page that shows the results of each run, and its last round, side by side. Runs go by their names.
 pub fn comparison(runs: &[(String, Page)]) -> Document {
     let header = || std::iter::once("").chain(runs.iter().map(|(name, _)| name.as_str()));
     let pages: Vec<&Page> = runs.iter().map(|(_, page)| page).collect();
@@ -23,24 +23,11 @@ pub fn comparison(runs: &[(String, Page)]) -> Document {
     });
     let numbers = Table::new("Last round", header(), numbers);
     let about = Table::new("What was run", header(), about(&pages));
-    let bare = intervals(&pages, |page, name| {
-        let s = page.report.last()?.posterior.get(name)?;
-        Some(TableCell::interval([s.mean, s.sd, s.low, s.high]))
-    });
-    let averaged = intervals(&pages, |page, name| {
-        let a = page.report.averaged(name)?;
-        Some(TableCell::interval([a.mean, a.sd, a.low, a.high]))
-    });
-    let bare = Table::new(
-        "Posterior of the last round: mean +- sd [95 % interval]",
-        header(),
-        bare,
-    );
-    let mut constants = Section::new("Constants").with(bare);
-    if pages.iter().any(|p| p.report.closing.is_some()) {
-        let caption = "Averaged over effects that may act unseen";
-        constants.push(Table::new(caption, header(), averaged));
-    }
+    let mut columns: Vec<&str> = header().collect();
+    columns.extend((pages.len() == 2).then_some("difference, sd"));
+    let caption = "The result: mean +- sd [95 % interval]";
+    let constants = Table::new(caption, columns, results(&pages));
+    let constants = Section::new("Constants").with(constants);
     let mut said = Section::new("What was said");
     for (name, page) in runs {
         said.push(Piece::Heading(name.clone()));
@@ -68,17 +55,21 @@ pub fn comparison(runs: &[(String, Page)]) -> Document {
     }
 }
 
-/// A row for each constant of any run.
-fn intervals(
-    pages: &[&Page],
-    interval: impl Fn(&Page, &str) -> Option<TableCell>,
-) -> Vec<Vec<TableCell>> {
+/// A row for each constant of any run, with the difference of two of them over both their sds.
+fn results(pages: &[&Page]) -> Vec<Vec<TableCell>> {
     let constants: IndexSet<&str> = pages.iter().flat_map(|page| page.constants()).collect();
     let cells = |name: &&str| {
-        let cells = pages
-            .iter()
-            .map(|p| interval(p, name).unwrap_or(TableCell::Missing));
-        row(*name, cells)
+        let all: Vec<Option<[f64; 4]>> = pages.iter().map(|p| p.to_quote(name)).collect();
+        let difference = match all[..] {
+            [Some([a, sd, ..]), Some([b, other, ..])] => {
+                Some(TableCell::signed((b - a) / sd.hypot(other), 1))
+            }
+            _ => None,
+        };
+        let cells = all
+            .into_iter()
+            .map(|i| i.map_or(TableCell::Missing, TableCell::interval));
+        row(*name, cells.chain(difference))
     };
     constants.iter().map(cells).collect()
 }
