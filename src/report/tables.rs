@@ -32,7 +32,6 @@ pub fn numbers(reduced: &ReducedModel) -> Value {
         "doe": reduced.sides(),
         "table_3_truncation_error_K_1_up": by_component(&|c| json!(reduced.truncation[c])),
         "surface_kept": surface_numbers(&reduced.surface),
-        "tables_9_10_plain_surface": surface_numbers(&reduced.plain),
     })
 }
 
@@ -75,23 +74,16 @@ pub fn sections(reduced: &ReducedModel) -> Vec<Section> {
         row(&d.name, ends)
     });
     let sides = Table::new("DoE box", ["", "low", "high"], sides);
-    let surfaces = |name: &str, surface: &Surface| {
-        let caption = format!(
-            "response surfaces {name}: {:?} variables, {} monomials, held-out error {:.2e} mm (Tables 9 and 10)",
-            surface.variables.choice,
-            surface.exponents.len(),
-            surface.held_out()
-        );
-        let rows = coefficients(surface).map(|(name, q)| surface_row(name, q));
-        Table::new(caption, SURFACE, rows)
-    };
-    let kept = surfaces("kept", &reduced.surface);
-    let plain = surfaces(
-        "in the parameters as they are, for comparison",
-        &reduced.plain,
+    let surface = &reduced.surface;
+    let caption = format!(
+        "response surfaces kept: {:?} variables, {} monomials, held-out error {:.2e} mm (Tables 9 and 10)",
+        surface.variables.choice,
+        surface.exponents.len(),
+        surface.held_out()
     );
+    let rows = coefficients(surface).map(|(name, q)| surface_row(name, q));
     let section = Section::new(title).with(sides).with(truncations(reduced));
-    vec![section.with(kept).with(plain)]
+    vec![section.with(Table::new(caption, SURFACE, rows))]
 }
 
 /// Columns of the errors of response surfaces.

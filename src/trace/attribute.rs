@@ -197,6 +197,7 @@ impl Tracer<'_> {
             field: &observation.field,
             displacement: &expected.loaded,
             steps: names,
+            scene: self.inverse.prepared.problem.experiment.scene(),
             pixel_mm: measurement.mm_per_coordinate(),
         };
         Ok(patches(&traced.evidence, &data)?.unwrap_or_default())

@@ -12,7 +12,7 @@ use super::subsets::{Subset, SubsetPosterior};
 use super::suspect::{PriorInDoubt, Suspect, suspect};
 use super::together::Contradiction;
 use super::tracing::{Accepted, Finding, FoundApart, Named, PriorSd, Ranking, Resembling, Tracing};
-use crate::effect::{EFFECTS, Effect, amplitude_name, force_scale};
+use crate::effect::{EFFECTS, Effect, Scope, amplitude_name, force_scale};
 use crate::error::Result;
 use crate::experiment::series::Law;
 use crate::files::Keyed;
@@ -59,6 +59,8 @@ pub struct Evidence {
 struct Doubts {
     priors: Vec<PriorInDoubt>,
     experiments: Option<Contradiction>,
+    /// Whether a patch is left as yielding would leave it, which is not declared.
+    yields: bool,
 }
 
 impl Evidence {
@@ -116,6 +118,7 @@ impl Evidence {
         let doubts = Doubts {
             priors: priors_in_doubt(&self.weighing, &self.sensitivities, &self.subsets),
             experiments: Contradiction::of(self)?,
+            yields: apart.patches.found().any(|p| p.yields),
         };
         let stands = |g: &Named| {
             self.is_called_for(g, &candidates) && self.objection(g, &candidates, &doubts).is_none()
@@ -407,6 +410,9 @@ impl Evidence {
             return Some("its size is not determined".into());
         };
         let leader = group.leader;
+        if doubts.yields && matches!(found.effect.scope(), Scope::Force | Scope::Motion) {
+            return Some("the metal may yield beside the hole: declare material.yield_MPa".into());
+        }
         if !group.predicts {
             return Some(format!("{leader} does not predict what was held out"));
         }

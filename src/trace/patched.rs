@@ -7,9 +7,10 @@ use super::noise_words::reference;
 use super::patches::{
     Account, FoundPatch, LocalPatch, MaskedConstant, PatchPart, PatchedPoints, Patches, Scanned,
 };
+use crate::effect::Scene;
 use crate::error::Result;
 use crate::field::{Field, MaskShape, MaskedCircle};
-use crate::laminate::MeanSd;
+use crate::laminate::{Material, MeanSd};
 use crate::noise::series::FrameNoise;
 use crate::quantity::UM_PER_MM;
 
@@ -31,6 +32,7 @@ pub struct PatchedData<'a> {
     /// What the model expects of every point under the largest force, mm.
     pub displacement: &'a [[f64; 2]],
     pub steps: &'a [String],
+    pub scene: &'a Scene,
     /// Size of a pixel, mm, where the data's coordinates count them.
     pub pixel_mm: Option<f64>,
 }
@@ -148,11 +150,20 @@ fn distinct(mut found: Vec<FoundPatch>) -> Vec<FoundPatch> {
     kept
 }
 
+/// Radii about the hole's centre within which a metal yields first.
+const YIELDS_WITHIN: f64 = 2.5;
+
 fn said(found: FoundPatch, data: &PatchedData<'_>) -> LocalPatch {
+    let setup = &data.scene.setup;
+    let is_metal = data.scene.material == Material::Isotropic && setup.yield_stress.is_none();
+    let radii = setup.geometry.hole_radii(found.at);
+    let is_at_hole = radii.is_some_and(|radii| radii < YIELDS_WITHIN);
+    let is_loaded = matches!(found.part, PatchPart::Own(_) | PatchPart::Load);
     let center_mm = data.field.frame.data_point(found.at);
     let rounded = |x: f64| (100.0 * x).round() / 100.0;
     LocalPatch {
         found: is_sure(&found),
+        yields: is_metal && is_at_hole && is_loaded,
         part: found.part,
         family: found.family,
         center_px: data.pixel_mm.map(|px| center_mm.map(|x| x / px)),

@@ -424,8 +424,7 @@ fn what_cannot_be_seen_is_said_to_be() {
         "{}",
         said(0.25)
     );
-    assert!(said(4.0).contains("smaller than that of the model alone (E2_GPa 0.2 times)"));
-    assert!(!said(1.0).contains("averaged sd"));
+    assert!(!said(1.0).contains("than that of the model alone"));
 }
 
 /// An eccentricity e strains by eps (1 + 12 e x / W^2), a taper f across the width by eps (1 - f x / W): one field for

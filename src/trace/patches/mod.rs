@@ -38,6 +38,9 @@ pub struct LocalPatch {
     pub share_lost: Option<[f64; 2]>,
     /// Whether it is clear enough for a verdict.
     pub found: bool,
+    /// Whether it lies where a metal yields first of which no yield stress is declared.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub yields: bool,
     /// The step, of a patch in one frame alone.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub step: Option<String>,
@@ -141,6 +144,9 @@ impl LocalPatch {
                 "as paint or film would leave that does not follow the surface (it loses {} of the strain beneath it)",
                 plus_minus(mean, sd)
             ),
+            None if self.yields => {
+                "as yielding beside the hole would leave. Declare material.yield_MPa".into()
+            }
             None => "its cause is not known".into(),
         };
         format!(
