@@ -33,8 +33,9 @@ pub fn vetoes(rounds: &[Round]) -> Vec<String> {
     for effect in last.model.effects.iter().filter(|e| !is_declared(e)) {
         said.extend(impossible(*effect, &last.model, found));
     }
-    said.extend(steps_apart(last));
+    // the place of what is left says more than the step
     said.extend(last.patches().objections());
+    said.extend(steps_apart(last));
     said.extend(in_tension(last));
     for doubt in rounds.iter().flat_map(|r| &r.tracing.priors_in_doubt) {
         if !said.contains(&doubt.words) {

@@ -200,6 +200,24 @@ fn rest_tilt_lens_and_yielding_of_reference_are_read_right() {
     ]);
 }
 
+/// A metal that yields, and whose yield stress nobody declared: no force is named in its place, and the stress is asked for.
+#[test]
+#[ignore = "needs ../shared, a series, a minute"]
+fn an_undeclared_yield_stress_is_asked_for_and_no_force_is_named() {
+    let (model, truth) = declared("yield");
+    let mut model: Value = serde_json::from_str(&model).unwrap();
+    let material = model["material"].as_object_mut().unwrap();
+    material.remove("yield_MPa").unwrap();
+    let model = Model::parse(&model.to_string(), "model.json".as_ref()).unwrap();
+    let ended = looped("yield without a yield stress", &model, &truth);
+    let line = ended.line();
+    assert!(ended.effects.is_empty(), "{line}");
+    assert_eq!(ended.held(), truth.len(), "{line}");
+    let first = ended.vetoes.first();
+    let asks = first.is_some_and(|veto| veto.contains("Declare material.yield_MPa"));
+    assert!(asks, "{:?}", ended.vetoes);
+}
+
 /// Without the camera's distance the rotation is still named, and the intervals hold: only angle divided by distance matters.
 #[test]
 #[ignore = "needs ../shared, a series, a minute"]
