@@ -448,7 +448,7 @@ pub trait Effect: Sync {
         false
     }
 
-    /// Whether no field can tell it from a common factor of all moduli: it takes part in every model with its prior.
+    /// Whether a field tells it from a common factor of all moduli hardly or not at all: it takes part in every model with its prior.
     fn is_of_every_test(&self) -> bool {
         false
     }

@@ -44,8 +44,8 @@ impl<'a> CandidateColumns<'a> {
 pub struct Forward<'a> {
     pub model: &'a Model,
     pub observing: Box<dyn Observing + 'a>,
-    /// Whether another width is solved for. Elsewhere its column is a multiple of the load's, which serves where only its changes with the
-    /// constants count.
+    /// Whether another width is solved for. Elsewhere its column is a multiple of the load's: for its changes with the constants, and for plans and
+    /// first looks, which then take the two for one.
     pub solves_width: bool,
     /// Called for every sensitivity.
     pub step: &'a (dyn Fn() + Sync),
@@ -118,7 +118,7 @@ impl Forward<'_> {
         self.observing.beginning(shared)
     }
 
-    /// What takes part in every test that does not declare it, with its prior sd: it cannot be told from a common factor of all moduli.
+    /// What takes part in every test that does not declare it, with its prior sd.
     pub(super) fn of_every_test(&self) -> Vec<(&'static dyn Effect, f64)> {
         let scene = self.observing.experiment().scene();
         let declares = |e: &dyn Effect| self.model.effects.iter().any(|d| d.name() == e.name());

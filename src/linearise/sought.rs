@@ -29,7 +29,7 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
         } else if effect.is_of_every_test() {
             left_out.push((
                 name,
-                "it cannot be told from a common factor of all moduli, and acts with its prior"
+                "a field hardly tells it from a common factor of all moduli: it acts with its prior"
                     .to_string(),
             ));
         } else if effect.kind() != Kind::Recorded {

@@ -60,8 +60,8 @@ struct NoiseChoice {
     values: usize,
 }
 
-/// Factorised covariances at unit scale that were asked for, by the bits of length and ratio: both components and all rounds of a run share
-/// them, and no file keeps them.
+/// Factorised covariances of one set of blocks at unit scale, by the bits of length and ratio: both components share them, and rounds that
+/// begin with the same choices. No file keeps them.
 #[derive(Debug, Default)]
 struct KnownFactors(Mutex<Vec<([u64; 2], Arc<BlockCovariance>)>>);
 

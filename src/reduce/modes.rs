@@ -14,8 +14,8 @@ pub enum Modes {
     Auto,
 }
 
-/// Largest truncation error under [`Modes::Auto`], root mean square over points and snapshots, mm. The quietest effect that is to be traced
-/// leaves about one nanometre, and at the worst point of the worst snapshot the error is ten times as large.
+/// Largest truncation error under [`Modes::Auto`], root mean square over points and snapshots, mm. A choice: the quietest effect that is to be
+/// traced leaves about a nanometre, and of the 7 modes that the default test has by it the largest error (CV_RMS) is 0.005 nm.
 pub const AUTO_MM: f64 = 5e-9;
 
 impl Modes {

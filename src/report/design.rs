@@ -227,7 +227,7 @@ impl DesignReport {
         let [from, to] =
             [before, &best.together_percent].map(|of| Digits::Fixed(1).write(of[name]));
         Some(format!(
-            "Measured beside what is declared, {} takes {name} from {from} to {to} %.",
+            "Measured beside what is declared, \"{}\" takes {name} from {from} to {to} %.",
             best.name
         ))
     }

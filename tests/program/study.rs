@@ -187,8 +187,8 @@ fn two_fields_share_what_has_one_owner() {
     }
 }
 
-/// Of 60 coupons, each with a thickness, a width and a force of its own that both of its faces share, at least 54 intervals hold E1 and 54 hold
-/// nu12 (fewer by chance: 2 %). With gains of their own in both fields 48 of 60 held E1.
+/// Of 60 coupons, each with a thickness, a width and a force of its own that both of its faces share, at least 54 intervals hold each
+/// constant (fewer by chance: 3 %). With gains of their own in both fields 48 of 60 held E1.
 #[test]
 #[ignore = "slow: run by .ci/run"]
 fn intervals_of_sixty_coupons_measured_on_both_faces_hold() {

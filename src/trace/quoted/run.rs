@@ -189,10 +189,9 @@ fn sampled(
     let Some(kept) = which.first().map(|first| options(*first).stages()) else {
         return Ok(Vec::new());
     };
-    let (point, _) = centre(round)?;
     let meshes = RoundMeshes {
         round,
-        point,
+        centre: centre(round)?,
         fine: &fine,
         coarse: coarse.as_ref(),
         // answers beside the account may be as wide as the prior
@@ -215,7 +214,8 @@ fn sampled(
 /// A round's test on its meshes.
 struct RoundMeshes<'a> {
     round: &'a Round,
-    point: LinearisationPoint,
+    /// The point about which the test is expanded, and its linearisation there, if that is known.
+    centre: (LinearisationPoint, Option<Sensitivities>),
     fine: &'a Forward<'a>,
     coarse: Option<&'a CoarseForwards<'a>>,
     is_wider: bool,
@@ -227,8 +227,7 @@ impl RoundMeshes<'_> {
     fn expanded(&self) -> Result<TestExpansion> {
         let what = "quoted posterior: sensitivities that follow the constants";
         self.progress.begin(what, None);
-        let (evidence, point) = (&self.round.traced.evidence, &self.point);
-        let (_, known) = centre(self.round)?;
+        let (evidence, (point, known)) = (&self.round.traced.evidence, &self.centre);
         let model = &self.round.model;
         let names = model.constants().iter().zip(model.marginals());
         let sd = |(name, m): (&&str, Marginal)| match self.round.tracing.averaged.get(*name) {
@@ -241,7 +240,7 @@ impl RoundMeshes<'_> {
             state: &point.state,
             declared: &point.declared,
             sought: &point.sought,
-            here: known,
+            here: known.clone(),
             steps,
             reach,
             norms: &|errors| evidence.norms(errors),
@@ -293,7 +292,7 @@ impl AnsweredTest<'_> {
             fine,
             coarse,
             progress,
-            ref point,
+            centre: (ref point, _),
             ..
         } = *self.meshes;
         progress.begin(&format!("quoted posterior: {}", supposing.words()), None);
