@@ -211,9 +211,10 @@ impl Progress for Console {
             return;
         }
         let processors = rayon::current_num_threads();
-        let one = match steps {
-            1 => FIELD_S,
-            _ => SERIES_S_PER_POINT * (points * steps) as f64,
+        let one = if steps == 1 {
+            FIELD_S
+        } else {
+            SERIES_S_PER_POINT * (points * steps) as f64
         };
         let expected = one * loops as f64 * 2.0 / processors as f64;
         if self.expected_s.set(expected).is_err() {
