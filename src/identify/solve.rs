@@ -20,7 +20,6 @@ use crate::error::{Blame, Error, Result};
 use crate::files::KeptStages;
 use crate::infer::Model;
 use crate::linearise::Column;
-use crate::parameter::Parameter;
 use crate::posterior::{
     CompletedDraw, Full, FullModels, Importance, Inclusion, PosedDraws, PosteriorDensity, complete,
     linear,
@@ -314,8 +313,8 @@ fn of_effects(
 ) -> Vec<(String, f64, f64)> {
     let columns = linear(&inverse.posed.expanded.here);
     let is_declared = |c: &Column| {
-        let own = Parameter::read(&c.name).effect;
-        own.is_some_and(|own| model.effects.iter().any(|e| e.name() == own))
+        let own = c.effect().map(|own| own.name());
+        model.effects.iter().any(|e| Some(e.name()) == own)
     };
     let each = columns.into_iter().zip(mean.iter().zip(sd.iter()));
     let declared = each.filter(|(c, _)| is_declared(c));

@@ -85,12 +85,15 @@ impl Column {
         wanted.clamp(-reach, reach)
     }
 
+    /// The effect of which it is an amplitude.
+    pub fn effect(&self) -> Option<&'static dyn Effect> {
+        let name = Parameter::read(&self.name).effect?;
+        EFFECTS.iter().copied().find(|e| e.name() == name)
+    }
+
     /// Whether it is an amplitude of such an effect.
     fn is_of(&self, such: impl Fn(&dyn Effect) -> bool) -> bool {
-        let effect = Parameter::read(&self.name).effect;
-        EFFECTS
-            .iter()
-            .any(|e| Some(e.name()) == effect.as_deref() && such(*e))
+        self.effect().is_some_and(such)
     }
 
     /// Whether it moves the specimen as a whole.

@@ -107,17 +107,15 @@ fn resembling(other: &Resembling) -> Value {
 
 /// What could hide in the residual.
 pub fn blind_spots(tracing: &Tracing) -> Vec<BlindSpotReport> {
-    map(&tracing.blind_spots, |(effect, spot)| {
-        blind_spot(effect, spot)
-    })
+    map(&tracing.blind_spots, blind_spot)
 }
 
-fn blind_spot(effect: &str, spot: &BlindSpot) -> BlindSpotReport {
+fn blind_spot(spot: &BlindSpot) -> BlindSpotReport {
     let shifts = spot.shift_percent.iter();
     let beyond = shifts.clone().filter(|(_, s)| s.abs() > LINEAR_PERCENT);
     let parameter = parameter(&spot.parameter);
     BlindSpotReport {
-        effect: effect.into(),
+        effect: spot.effect.into(),
         law: spot.law,
         plausible: spot.plausible,
         unit: Parameter::read(&parameter).unit(),

@@ -7,9 +7,9 @@ use statrs::function::erf::erfc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::subsets::{SIZES, Subset, SubsetPosterior};
+use super::blind_spot::{detectable, prior_odds};
+use super::subsets::{Subset, SubsetPosterior};
 use crate::error::{Error, Result};
-use crate::experiment::series::Law;
 use crate::files::Keyed;
 use crate::linearise::{Candidate, Column, Sensitivities};
 use crate::noise::NormalEquations;
@@ -35,21 +35,6 @@ pub struct Interval {
     pub median: f64,
     #[serde(rename = "q97.5")]
     pub high: f64,
-}
-
-/// What one effect would do to the constants if it acted with an amplitude of one prior sd and the model lacked it.
-#[derive(Debug, Clone)]
-pub struct BlindSpot {
-    /// `effect.parameter`.
-    pub parameter: String,
-    /// Prior sd of the amplitude, border units.
-    pub plausible: f64,
-    /// Shift of each constant, % of its value.
-    pub shift_percent: Vec<(String, f64)>,
-    /// Smallest amplitude that these data would show, border units.
-    pub detectable: f64,
-    /// How it goes over the steps of a series.
-    pub law: Option<Law>,
 }
 
 /// A normal component of a mixture.
@@ -379,7 +364,7 @@ pub fn mixtures(sensitivities: &Sensitivities, parts: &[AveragedPart]) -> Keyed<
     columns.enumerate().map(mixed).collect()
 }
 
-fn not_finite() -> Error {
+pub fn not_finite() -> Error {
     Error::program("trace::averaged", "finite columns of model and effects")
 }
 
@@ -447,66 +432,4 @@ pub fn mixture(parts: &[AveragedPart], total: f64, k: usize, modulus: bool) -> I
         median: quantile(0.5),
         high: quantile(0.975),
     }
-}
-
-/// The shift of every constant for an amplitude of one prior sd of each candidate's parameters, and the amplitude that would have been
-/// found, each with its candidate. `pair` is the likeliest noise, `state` the constants.
-///
-/// # Errors
-/// Of the program, for columns that are not finite.
-pub fn blind_spots(
-    weighing: &Weighing,
-    sensitivities: &Sensitivities,
-    pair: usize,
-    state: &[f64],
-) -> Result<Vec<(usize, BlindSpot)>> {
-    let pair = &weighing.pairs[pair];
-    let gram = weighing.gram(pair);
-    let projected = weighing.project(pair)?;
-    let p = sensitivities.base.len();
-    let all = gram.ncols() - 1;
-    let candidates = all - p - sensitivities.near_edge.len();
-    let own: Vec<(usize, f64)> = (0..p).map(|k| (k, 1.0)).collect();
-    let base =
-        NormalEquations::of_columns(&gram, |k| gram[(k, all)], &own).ok_or_else(not_finite)?;
-    let shift = base.solve(&gram.view((0, p), (p, candidates)).into_owned());
-    let prior = prior_odds(sensitivities.candidates.len());
-    let mut spots = Vec::new();
-    let mut at = 0;
-    for (candidate, c) in sensitivities.candidates.iter().enumerate() {
-        for column in &c.columns {
-            let spot = BlindSpot {
-                parameter: column.name.clone(),
-                plausible: column.sd,
-                shift_percent: (0..sensitivities.constants)
-                    .map(|k| {
-                        let base = &sensitivities.base[k];
-                        (
-                            base.name.clone(),
-                            100.0 * base.sd * shift[(k, at)] / state[k],
-                        )
-                    })
-                    .collect(),
-                detectable: column.sd * detectable(projected.g[(at, at)], prior),
-                law: c.law,
-            };
-            spots.push((candidate, spot));
-            at += 1;
-        }
-    }
-    Ok(spots)
-}
-
-/// Prior odds of one of so many candidates acting alone against none.
-fn prior_odds(candidates: usize) -> f64 {
-    SIZES[1] / candidates as f64 / SIZES[0]
-}
-
-/// Amplitude, in prior sds, whose expected evidence brings prior odds up to a probability of 0.95, for an amplitude known to 1/sqrt(g).
-pub fn detectable(g: f64, prior_odds: f64) -> f64 {
-    if g <= 0.0 {
-        return f64::INFINITY;
-    }
-    let needed = (19.0 / prior_odds).ln() + 0.5 * (1.0 + g).ln();
-    (2.0 * needed * (1.0 + g)).sqrt() / g
 }

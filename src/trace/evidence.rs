@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::alias::{AliasGroup, SIMILAR, cosine, groups, lookalikes};
-use super::averaged::{BlindSpot, Interval, averaged, blind_spots};
+use super::averaged::{Interval, averaged};
+use super::blind_spot::{BlindSpot, blind_spots};
 use super::holdout::{Holdout, gains};
 use super::left_out::HeldOutSteps;
 use super::load_rivals::load_rivals;
@@ -12,13 +13,12 @@ use super::subsets::{Subset, SubsetPosterior};
 use super::suspect::{PriorInDoubt, Suspect, suspect};
 use super::together::Contradiction;
 use super::tracing::{Accepted, Finding, FoundApart, Named, PriorSd, Ranking, Resembling, Tracing};
-use crate::effect::{EFFECTS, Effect, Scope, amplitude_name, force_scale};
+use crate::effect::{Effect, Scope, amplitude_name};
 use crate::error::Result;
 use crate::experiment::series::Law;
 use crate::files::Keyed;
 use crate::linearise::lift_of;
 use crate::linearise::{Column, Measured, Sensitivities, StepStack};
-use crate::parameter::{Parameter, is_modulus};
 use crate::posterior::Weighing;
 
 /// A group is accepted above this probability: with it and the gain at held-out blocks the prototype study was right in 32 of 33
@@ -50,7 +50,7 @@ pub struct Evidence {
     pub(super) measured: Arc<Measured>,
     /// The prediction linearised.
     pub sensitivities: Sensitivities,
-    pub(super) weighing: Weighing,
+    pub weighing: Weighing,
     /// The posterior over subsets.
     pub subsets: SubsetPosterior,
 }
@@ -104,15 +104,8 @@ impl Evidence {
         let holdout = self.held_out();
         let found = groups(&self.subsets);
         let named = self.all_named(&found, &holdout)?;
-        let mut spots = blind_spots(
-            &self.weighing,
-            &self.sensitivities,
-            self.subsets.best_pair,
-            constants,
-        )?;
-        spots
-            .iter_mut()
-            .for_each(|(k, spot)| self.never_beyond(*k, spot));
+        let noise = self.subsets.best_pair;
+        let spots = blind_spots(&self.weighing, &self.sensitivities, noise, constants)?;
         let candidates = self.ranked(&found, &spots);
         let prior_sd = apart.series;
         let doubts = Doubts {
@@ -162,17 +155,9 @@ impl Evidence {
                 &doubts.priors,
             ),
             priors_in_doubt: doubts.priors,
-            blind_spots: self
-                .load_scale()
-                .into_iter()
-                .map(|s| (force_scale().name(), s))
-                // one of each step would have no name of its own
-                .chain(
-                    (spots
-                        .into_iter()
-                        .filter(|(_, spot)| spot.law != Some(Law::Free)))
-                    .map(|(k, spot)| (self.name(k), spot)),
-                )
+            // one of each step would have no name of its own
+            blind_spots: (spots.into_iter())
+                .filter(|spot| spot.law != Some(Law::Free))
                 .collect(),
             holdout_rms_nm: holdout.rms_nm(&Vec::new()),
             left_out: apart.left_out,
@@ -237,37 +222,6 @@ impl Evidence {
             law,
             plausible: plausible.unwrap_or_default(),
         }
-    }
-
-    /// An amplitude beyond the bound for which an effect is modelled would be no finding of it: no amplitude is detectable.
-    fn never_beyond(&self, candidate: usize, spot: &mut BlindSpot) {
-        let candidate = &self.sensitivities.candidates[candidate];
-        let parameters = candidate.effect.parameters().iter();
-        let bound = parameters
-            .zip(&candidate.columns)
-            .find(|(_, column)| column.name == spot.parameter)
-            .map_or(f64::INFINITY, |(parameter, _)| parameter.bound);
-        if spot.detectable > bound {
-            spot.detectable = f64::INFINITY;
-        }
-    }
-
-    /// What a scale of the load does: exactly the same to every modulus, and nothing that could be seen.
-    fn load_scale(&self) -> Option<BlindSpot> {
-        let column = self.sensitivities.base.iter().find(|c| c.is_load())?;
-        let constants = self.sensitivities.base[..self.sensitivities.constants].iter();
-        Some(BlindSpot {
-            parameter: column.name.clone(),
-            plausible: column.sd,
-            shift_percent: constants
-                .map(|c| {
-                    let modulus = is_modulus(&c.name);
-                    (c.name.clone(), if modulus { -column.sd } else { 0.0 })
-                })
-                .collect(),
-            detectable: f64::INFINITY,
-            law: None,
-        })
     }
 
     /// All groups by name, each with what speaks against it.
@@ -383,11 +337,8 @@ impl Evidence {
         let lifts = |effect: &dyn Effect| lift_of(effect) == Some(leader);
         let best = self.subsets.best().iter();
         let mut sought = best.map(|&k| self.sensitivities.candidates[k].effect);
-        let declared = |c: &Column| {
-            let name = Parameter::read(&c.name).effect;
-            name.is_some_and(|name| EFFECTS.iter().any(|e| e.name() == name && lifts(*e)))
-        };
-        sought.any(lifts) || self.sensitivities.base.iter().any(declared)
+        let mut declared = self.sensitivities.base.iter().filter_map(Column::effect);
+        sought.any(lifts) || declared.any(lifts)
     }
 
     /// Why groups that are called for are not accepted, in words.
@@ -452,7 +403,7 @@ impl Evidence {
             .then(|| "structure that no effect explains might be its cause".into())
     }
 
-    fn ranked(&self, groups: &[AliasGroup], spots: &[(usize, BlindSpot)]) -> Vec<Finding> {
+    fn ranked(&self, groups: &[AliasGroup], spots: &[BlindSpot]) -> Vec<Finding> {
         let mut found: Vec<Finding> = (0..self.sensitivities.candidates.len())
             .map(|k| self.found(k, groups, spots))
             .collect();
@@ -464,7 +415,7 @@ impl Evidence {
         found
     }
 
-    fn found(&self, k: usize, groups: &[AliasGroup], spots: &[(usize, BlindSpot)]) -> Finding {
+    fn found(&self, k: usize, groups: &[AliasGroup], spots: &[BlindSpot]) -> Finding {
         let candidate = &self.sensitivities.candidates[k];
         let subsets = &self.subsets;
         // in the best subset as it is there; otherwise added to it, in the place of an alias
@@ -516,10 +467,9 @@ impl Evidence {
             amplitude,
             multiple,
             explained_fraction: (subsets.explained(&vec![k]) / structured).clamp(0.0, 1.0),
-            detectable: spots
-                .iter()
-                .find(|(candidate, _)| *candidate == k)
-                .map_or(f64::INFINITY, |(_, spot)| spot.detectable),
+            detectable: (spots.iter())
+                .find(|s| s.effect == candidate.effect.name() && s.law == candidate.law)
+                .map_or(f64::INFINITY, |s| s.detectable),
             aliases: self.aliases(k, groups),
         }
     }

@@ -2,9 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::averaged::detectable;
-
-use super::subsets::SIZES;
+use super::blind_spot::{detectable, prior_odds};
 use crate::effect::Scope;
 use crate::error::{Error, Result};
 use crate::experiment::predict;
@@ -102,7 +100,7 @@ pub fn field_information(model: &Model, points: &[[f64; 2]], sd_mm: f64) -> Resu
     let base = NormalEquations::with_unit_prior(block(0, 0, p, p), DVector::zeros(p));
     let across = block(0, p, p, sought.len());
     let shift = base.ok_or_else(fail)?.solve(&across);
-    let odds = SIZES[1] / found.candidates.len().max(1) as f64 / SIZES[0];
+    let odds = prior_odds(found.candidates.len().max(1));
     let hidden = sought.iter().enumerate().map(|(k, column)| {
         let seen = gram[(p + k, p + k)] - across.column(k).dot(&shift.column(k));
         Hidden {

@@ -3,13 +3,12 @@
 use nalgebra::DMatrix;
 
 use super::evidence::Evidence;
-use crate::effect::{EFFECTS, Scope};
+use crate::effect::Scope;
 use crate::experiment::series::Law;
 use crate::field::bounds;
 use crate::field::step::CLASS_1_SD_PERCENT;
 use crate::linearise::Column;
 use crate::noise::series::{Linearity, Role};
-use crate::parameter::Parameter;
 
 /// Below this probability a response is said not to be proportional to the load.
 pub const NOT_LINEAR: f64 = 1e-3;
@@ -61,12 +60,11 @@ fn smooth(places: &[[f64; 2]]) -> DMatrix<f64> {
 
 /// How a column takes part, of a candidate with its law.
 fn role(column: &Column, law: Option<Law>) -> Role {
-    let name = Parameter::read(&column.name).effect.unwrap_or_default();
     if column.is_force_error() {
         // that of the load stands for all
         return Role::None;
     }
-    let Some(effect) = EFFECTS.iter().find(|e| e.name() == name) else {
+    let Some(effect) = column.effect() else {
         return Role::Together;
     };
     match effect.scope() {

@@ -4,6 +4,7 @@ mod alias;
 mod attribute;
 pub mod averaged;
 mod axis;
+mod blind_spot;
 mod close;
 pub mod conclusion;
 pub mod converged;
@@ -36,7 +37,8 @@ mod vetoes;
 pub mod wedge;
 
 pub use attribute::attribute;
-pub use averaged::{BlindSpot, Interval};
+pub use averaged::Interval;
+pub use blind_spot::BlindSpot;
 pub use close::{Closed, Explained, LoopStage, ToQuote, close, explain, finished};
 pub use conclusion::{Conclusion, FORCE_UNSEEN, texts};
 pub use evidence::LARGEST_MULTIPLE;
@@ -50,6 +52,7 @@ pub use round::Round;
 pub use subsets::SIZES;
 pub use suspect::{Suspect, UNEXPLAINED};
 pub use together::{field_alone, tension};
+pub use traced::Traced;
 pub use tracing::{
     Accepted, Finding, HeldOutStep, Named, Resembling, StepMaps, StiffnessAt, Tracing,
 };

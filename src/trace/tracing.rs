@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::averaged::{BlindSpot, Interval};
+use super::averaged::Interval;
+use super::blind_spot::BlindSpot;
 use super::patches::Patches;
 use super::suspect::{ConditionalAnswer, PriorInDoubt, Suspect, UNEXPLAINED};
 use crate::effect::Effect;
@@ -78,7 +79,7 @@ pub struct Tracing {
     /// What the data alone say of constants that are their priors' more than the data's, in sentences.
     pub leaning: Vec<String>,
     /// What could hide in the residual.
-    pub blind_spots: Vec<(&'static str, BlindSpot)>,
+    pub blind_spots: Vec<BlindSpot>,
     /// RMS error of held-out block averages by the model as it is, nm.
     pub holdout_rms_nm: f64,
     /// Effects left out, with the reason.

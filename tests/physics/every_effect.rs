@@ -199,12 +199,13 @@ impl SizedEffect {
         format!("{}={}", self.effect.name(), values.join(","))
     }
 
-    /// Whether no data like these would show so much of it, by the blind spots (effect, parameter, detectable amplitude) of a tracing.
+    /// Whether no data like these would show so much of it, by the blind spots (effect, parameter, detectable amplitude) of a tracing; or whether it
+    /// takes part in every fit, and needs no naming.
     pub fn is_hidden(&self, blind: &[(&'static str, String, f64)]) -> bool {
         let name = self.effect.name();
         let size = self.amplitude.iter().fold(0.0_f64, |m, a| m.max(a.abs()));
         let mut own = blind.iter().filter(|(of, ..)| *of == name);
-        own.any(|(_, _, detectable)| size < *detectable)
+        self.effect.is_of_every_test() || own.any(|(_, _, detectable)| size < *detectable)
     }
 }
 

@@ -158,7 +158,7 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
             .last()
             .map_or_else(Importance::default, |r| r.identification.importance.clone()),
         blind: spots
-            .map(|(effect, spot)| (*effect, spot.parameter.clone(), spot.detectable))
+            .map(|spot| (spot.effect, spot.parameter.clone(), spot.detectable))
             .collect(),
     }
 }

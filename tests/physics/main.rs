@@ -8,6 +8,7 @@ mod bending;
 mod copied;
 mod dic;
 mod every_effect;
+mod evidence;
 mod experiment;
 mod fem;
 mod foreign;

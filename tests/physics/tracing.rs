@@ -170,7 +170,7 @@ fn all_named(file: &str, grid: usize, noise: Noise) {
             let (accepted, last) = traced(&measured_with(file, grid, &[&case], noise, seed));
             let spots = last.blind_spots.iter();
             let blind: Vec<_> = spots
-                .map(|(of, spot)| (*of, spot.parameter.clone(), spot.detectable))
+                .map(|spot| (spot.effect, spot.parameter.clone(), spot.detectable))
                 .collect();
             let right = match &accepted[..] {
                 [] => acted.is_hidden(&blind),
@@ -349,11 +349,8 @@ fn what_cannot_be_seen_is_said_to_be() {
     model.file.material.expansion_per_k = Some([1e-19, 1e-19]);
     let (_, tracing) = traced(&model);
     let spot = |name: &str| {
-        let found = tracing
-            .blind_spots
-            .iter()
-            .find(|(effect, _)| *effect == name);
-        found.unwrap().1.detectable
+        let found = tracing.blind_spots.iter().find(|s| s.effect == name);
+        found.unwrap().detectable
     };
     assert!(
         spot("thermal_strain").is_infinite(),
@@ -406,7 +403,7 @@ fn what_cannot_be_seen_is_said_to_be() {
         ));
         text.split_whitespace().collect::<Vec<_>>().join(" ")
     };
-    let hidden = |(_, s): &(&str, plychain::trace::BlindSpot)| {
+    let hidden = |s: &plychain::trace::BlindSpot| {
         (s.shift_percent[1].1 * (s.detectable / s.plausible).min(1.0)).abs()
     };
     let most = tracing
@@ -416,7 +413,7 @@ fn what_cannot_be_seen_is_said_to_be() {
         .unwrap();
     let reason = format!(
         "without being seen: {} ({:.1} %)",
-        most.1.parameter,
+        most.parameter,
         hidden(most)
     );
     assert!(
