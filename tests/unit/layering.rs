@@ -100,6 +100,36 @@ fn imports_point_only_to_the_left() {
     assert!(seen > 50, "only {seen} imports seen");
 }
 
+/// The map names files and functions that exist: each function in one of the files of its line.
+#[test]
+fn the_map_of_the_sources_leads_somewhere() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let map = fs::read_to_string(root.join("src/README.md")).unwrap();
+    let mut places = 0;
+    for line in map.lines() {
+        let quoted = || line.split('`').skip(1).step_by(2);
+        let is_path = |k: &&str| !k.contains(' ') && (k.ends_with(".rs") || k.ends_with('/'));
+        let mut code = String::new();
+        for path in quoted().filter(is_path) {
+            let place = match path.starts_with("tests/") {
+                true => root.join(path),
+                false => root.join("src").join(path),
+            };
+            assert!(place.exists(), "{path} is not there: {line}");
+            if place.is_file() {
+                code += &fs::read_to_string(place).unwrap();
+            }
+            places += 1;
+        }
+        for name in quoted().filter_map(|k| k.strip_suffix("()")) {
+            let defined = [format!("fn {name}("), format!("fn {name}<")];
+            let is_there = defined.iter().any(|d| code.contains(d));
+            assert!(is_there, "no function {name} where {line} says");
+        }
+    }
+    assert!(places > 60, "{places} places");
+}
+
 /// Circles of files that import each other. The registries (`effect`, `geometry`) and the verbs of `cli` are three: each lists
 /// files that use what stands beside the list.
 const CIRCLES: usize = 6;
