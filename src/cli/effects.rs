@@ -7,7 +7,7 @@ use clap::Args;
 use serde_json::{Value, json};
 
 use super::{print, results};
-use crate::effect::{EFFECTS, Effect, EffectParameter, obstacle};
+use crate::effect::{EFFECTS, Effect, EffectParameter, why_not};
 use crate::error::{Error, Result};
 use crate::infer::Model;
 use crate::parameter::Parameter;
@@ -72,7 +72,7 @@ fn entry(effect: &'static dyn Effect, model: Option<&Model>) -> ListedEffect {
                 None => parameter.prior_sd,
             })
             .collect(),
-        obstacle: model.and_then(|m| obstacle(effect, &m.scene())),
+        obstacle: model.and_then(|m| why_not(effect, &m.scene())),
         declared: model.is_some_and(|m| named(&m.experiment().effects)),
         candidate: model.is_none_or(|m| m.experiment().candidates.as_deref().is_none_or(named)),
     }

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 use std::path::Path;
 
-use super::proposed_units::Unsettled;
+use super::proposed_units::UnitQuestion;
 use super::table_options::TableOptions;
 use crate::error::{Error, Result};
 use crate::field::programs::{self, FoundUnit, MatchedColumns, PROGRAMS, Program, stated_number};
@@ -46,7 +46,7 @@ impl Export {
         let mut said = String::new();
         let (sigma, correlation) = quality(&header.names, program, user);
         let sigma_in_pixels = sigma.as_ref().is_some_and(|(_, unit)| *unit == Some(PIXEL));
-        let unsettled = Unsettled {
+        let unsettled = UnitQuestion {
             csv,
             line: header.line,
             label: &found.label,

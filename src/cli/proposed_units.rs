@@ -9,7 +9,7 @@ use crate::field::programs::FoundUnit;
 use crate::field::{ColumnMap, Columns, DATA_AXES, PIXEL, Units, conventions, table};
 
 /// A table whose units are to be settled.
-pub struct Unsettled<'a> {
+pub struct UnitQuestion<'a> {
     pub csv: &'a Path,
     /// The line of its header.
     pub line: usize,
@@ -19,7 +19,7 @@ pub struct Unsettled<'a> {
     pub sigma_in_pixels: bool,
 }
 
-impl Unsettled<'_> {
+impl UnitQuestion<'_> {
     /// Units of the coordinates and of the displacements; what was assumed is added to `said`.
     ///
     /// # Errors

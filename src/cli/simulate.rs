@@ -10,7 +10,7 @@ use serde_json::{Map, Value, json};
 
 use super::folder::Folder;
 use super::{DEFAULT_MODEL, Global, print};
-use crate::effect::{Acting, EFFECTS, Scene, obstacle};
+use crate::effect::{Acting, EFFECTS, Scene, why_not};
 use crate::error::{Error, Result};
 use crate::experiment::simulate::Truth;
 use crate::field::fringes::{self, RenderPlan};
@@ -399,7 +399,7 @@ fn noise_nm(arguments: &SimulateArguments) -> f64 {
 /// Effects that can act, in the order of the dictionary, whatever the order of the arguments.
 fn ordered(mut acting: Vec<Acting>, scene: &Scene) -> Result<Vec<Acting>> {
     for a in &acting {
-        if let Some(reason) = obstacle(a.effect, scene) {
+        if let Some(reason) = why_not(a.effect, scene) {
             let expected = format!("an effect that can act, which this one cannot: {reason}");
             return Err(Error::input("--effect", expected).found(a.effect.name()));
         }

@@ -29,7 +29,7 @@ impl Effect for Anisotropy {
         }
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         (scene.material != Material::Isotropic)
             .then_some("a laminate has moduli of its own across and in shear")
     }

@@ -42,7 +42,7 @@ impl Effect for BalancedMisorientation {
         true
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         if scene.material == Material::Isotropic {
             return Some("an isotropic plate has no ply angles");
         }

@@ -28,7 +28,7 @@ impl Effect for FibreNonlinearity {
         false
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         (scene.material == Material::Isotropic).then_some("an isotropic plate has no fibres")
     }
 }

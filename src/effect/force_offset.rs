@@ -33,7 +33,7 @@ impl Effect for ForceOffset {
         Some(SHARE * scene.setup.load.axial.abs())
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         unless_different(scene)
     }
 }

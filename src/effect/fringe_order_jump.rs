@@ -23,7 +23,7 @@ impl Effect for FringeOrderJump {
         }
     }
 
-    fn fault(&self, amplitude: &[f64]) -> Option<&'static str> {
+    fn inadmissible(&self, amplitude: &[f64]) -> Option<&'static str> {
         let whole = amplitude[..2].iter().all(|orders| orders.fract() == 0.0);
         if !whole {
             return Some("whole fringe orders");
@@ -46,7 +46,7 @@ impl Effect for FringeOrderJump {
         [u[0] + d1, u[1] + d2]
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         unless_fringes(scene)
     }
 }

@@ -59,7 +59,7 @@ impl Effect for HoleEdgeDamage {
         ))
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         let hole = scene.setup.geometry.hole_radius();
         hole.is_none()
             .then_some("the specimen's geometry has no hole")

@@ -27,7 +27,7 @@ impl Effect for HoleOffset {
         setup.morph.hole_offset[1] += d2;
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         unless_movable(scene)
     }
 }

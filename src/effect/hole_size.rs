@@ -20,7 +20,7 @@ impl Effect for HoleSize {
         setup.morph.hole_size *= 1.0 + 0.01 * amplitude[0];
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         unless_movable(scene)
     }
 }

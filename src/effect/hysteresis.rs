@@ -24,7 +24,7 @@ impl Effect for Hysteresis {
             .collect()
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         let loads: Vec<f64> = scene
             .declared_loads
             .iter()

@@ -21,7 +21,7 @@ impl Effect for InPlaneBending {
         setup.load.moment += setup.load.axial * amplitude[0];
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         unless_moments(scene)
     }
 }

@@ -41,7 +41,7 @@ impl Effect for InterpolationBias {
         Scope::Recording
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         if !displacements_are_imaged(scene) {
             return Some("displacements are read from fringes, not from images");
         }

@@ -42,7 +42,7 @@ impl Effect for LoadIntroduction {
         }
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         (scene.setup.geometry.introductions() <= self.0)
             .then_some("no loaded edge of a mesh is declared to be measured (mesh.load.spread)")
     }

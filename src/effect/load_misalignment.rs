@@ -23,7 +23,7 @@ impl Effect for LoadMisalignment {
         setup.load.axial *= cos;
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         unless_moments(scene)
     }
 }

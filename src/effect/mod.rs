@@ -406,8 +406,8 @@ pub trait Effect: Sync {
     }
 
     /// Whether the test has what it speaks of: a series without a seventh step has no force of that step.
-    fn concerns(&self, scene: &Scene) -> bool {
-        self.scope() != Scope::Force || self.obstacle(scene).is_none()
+    fn applies_to(&self, scene: &Scene) -> bool {
+        self.scope() != Scope::Force || self.why_not(scene).is_none()
     }
 
     /// By how much more than a declared subset does it displacements are averaged, over what that does to them: for a shape function whose
@@ -501,7 +501,7 @@ pub trait Effect: Sync {
     }
 
     /// What amplitudes within the parameters' bounds should have been, where these cannot be.
-    fn fault(&self, _amplitude: &[f64]) -> Option<&'static str> {
+    fn inadmissible(&self, _amplitude: &[f64]) -> Option<&'static str> {
         None
     }
 
@@ -511,18 +511,18 @@ pub trait Effect: Sync {
     }
 
     /// Why the effect cannot act in this test; nothing if it can.
-    fn obstacle(&self, _scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, _scene: &Scene) -> Option<&'static str> {
         None
     }
 }
 
 /// Why an effect cannot act in a test; nothing if it can.
-pub fn obstacle(effect: &dyn Effect, scene: &Scene) -> Option<&'static str> {
+pub fn why_not(effect: &dyn Effect, scene: &Scene) -> Option<&'static str> {
     let needs_a_solution = matches!(effect.kind(), Kind::Mechanical | Kind::Averaged);
     if scene.solved_elsewhere && needs_a_solution && !effect.is_force_scale() {
         return Some("the snapshots are another program's, which would have to solve it");
     }
-    effect.obstacle(scene)
+    effect.why_not(scene)
 }
 
 /// The effect of a name; `place` names the key or argument for the error, which lists the known names.
@@ -588,7 +588,7 @@ impl Acting {
         for (value, parameter) in amplitude.iter().zip(parameters) {
             check_amplitude(&place, parameter, *value)?;
         }
-        if let Some(expected) = effect.fault(&amplitude) {
+        if let Some(expected) = effect.inadmissible(&amplitude) {
             return Err(Error::input(&place, expected).found(values));
         }
         Ok(Self { effect, amplitude })

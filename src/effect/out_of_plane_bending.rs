@@ -60,7 +60,7 @@ impl Effect for OutOfPlaneBending {
         Some([amplitude[0] / MM_PER_M, amplitude[1] / MM_PER_M])
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         if !scene.setup.regions.is_empty() {
             return Some(
                 "regions of the mesh have a stack of their own (mesh.regions): bending is solved for one bending stiffness",

@@ -57,7 +57,7 @@ impl Effect for OutOfPlaneRotation {
         Scope::Motion
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         no_camera(scene)
     }
 }

@@ -31,7 +31,7 @@ impl Effect for OutOfPlaneTranslation {
         Scope::Motion
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         no_camera(scene)
     }
 }

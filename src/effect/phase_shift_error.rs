@@ -40,7 +40,7 @@ impl Effect for PhaseShiftError {
         })
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         unless_fringes(scene)
     }
 }

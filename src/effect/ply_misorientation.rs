@@ -21,7 +21,7 @@ impl Effect for PlyMisorientation {
         setup.turn_plies(setup.handedness * amplitude[0].to_radians());
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         (scene.material == Material::Isotropic).then_some("an isotropic plate has no ply angles")
     }
 }

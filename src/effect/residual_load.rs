@@ -32,7 +32,7 @@ impl Effect for ResidualLoad {
         Some(SHARE * scene.setup.load.axial.abs())
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         let loads = &scene.declared_loads;
         let told = loads.contains(&Some(0.0)) && loads.iter().any(is_loaded);
         unless_compared(scene).or((!told)

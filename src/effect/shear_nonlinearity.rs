@@ -26,7 +26,7 @@ impl Effect for ShearNonlinearity {
         false
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         (scene.material == Material::Isotropic)
             .then_some("an isotropic plate has no plies that shear along fibres")
     }

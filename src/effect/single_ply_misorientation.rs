@@ -36,7 +36,7 @@ impl Effect for SinglePlyMisorientation {
         }
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         if let Some(obstacle) = unless_own_plies(scene) {
             return Some(obstacle);
         }

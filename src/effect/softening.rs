@@ -38,7 +38,7 @@ impl Effect for SofteningWithLoad {
         true
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         unless_different(scene)
     }
 }

@@ -40,7 +40,7 @@ impl Effect for StepForce {
             .collect()
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         let loads = &scene.declared_loads;
         if !loads.get(self.0).is_some_and(is_loaded) {
             return Some("no step of this number has a declared force");

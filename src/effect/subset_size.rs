@@ -43,7 +43,7 @@ impl Effect for SubsetSize {
         })
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         if !displacements_are_imaged(scene) || scene.subset_mm.is_none() {
             return Some("no images are correlated: measurement.image_correlation is not given");
         }

@@ -36,7 +36,7 @@ impl Effect for ThermalGradient {
         ]
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         unless_same_expansion(scene)
     }
 }

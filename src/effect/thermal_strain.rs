@@ -33,7 +33,7 @@ impl Effect for ThermalStrain {
         [strain[0] * s + shear * t, shear * s + strain[1] * t]
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         unless_same_expansion(scene)
     }
 }

@@ -25,7 +25,7 @@ impl Effect for WidthError {
         setup.morph.width *= 1.0 + 0.01 * amplitude[0];
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         let text = "the mesh has the specimen's width";
         (!scene.setup.geometry.has_parallel_sides()).then_some(text)
     }

@@ -58,11 +58,11 @@ impl Effect for Yielding {
         true
     }
 
-    fn fault(&self, amplitude: &[f64]) -> Option<&'static str> {
+    fn inadmissible(&self, amplitude: &[f64]) -> Option<&'static str> {
         (amplitude[0] < 0.0).then_some("an amplitude of at least 0")
     }
 
-    fn obstacle(&self, scene: &Scene) -> Option<&'static str> {
+    fn why_not(&self, scene: &Scene) -> Option<&'static str> {
         if scene.material != Material::Isotropic {
             return Some("a laminate does not yield as a metal does");
         }

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Vector3};
 
-use super::Sight;
+use super::PointSet;
 use crate::effect::Scene;
 use crate::error::Result;
 use crate::fem::{EndMoment, Locator, Observer, bend, plain_deflection, plain_rotation};
@@ -76,7 +76,12 @@ impl Bending {
     /// The displacement (mm) that is reported at a sight's points, which `observer` has located on the mesh, for a curvature along the
     /// load of `[0]` + `[1]` s (1/mm, 1/mm^2): that of the face, and the perspective of the deflection w, (X - c) w / Z to first order in
     /// w over the camera's distance Z.
-    pub fn shown(&self, curvature: [f64; 2], observer: &Observer, sight: &Sight) -> Vec<[f64; 2]> {
+    pub fn shown(
+        &self,
+        curvature: [f64; 2],
+        observer: &Observer,
+        sight: &PointSet,
+    ) -> Vec<[f64; 2]> {
         let nodal = |k: usize| self.face[0][k] * curvature[0] + self.face[1][k] * curvature[1];
         let face: Vec<f64> = (0..self.face[0].len()).map(nodal).collect();
         let mut shown = observer.displacement(&face);

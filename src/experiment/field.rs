@@ -14,8 +14,8 @@ use super::solver::in_closed_form;
 use super::subset::Subsets;
 use super::window::{off_the_plate, widened, window_nodes};
 use super::{
-    Look, Mechanics, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Places, Sight, Softening, Spanning,
-    State, gauged,
+    CameraField, Mechanics, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Places, PointSet, Softening,
+    Spanning, State, gauged,
 };
 use crate::effect::limit::alter_checked;
 use crate::effect::{Effect, Scene, Seen};
@@ -37,7 +37,7 @@ pub struct FieldExperiment {
     zero: Option<ZeroAt>,
     /// Nodes of the elements that touch the window.
     nodes: Vec<u32>,
-    support: Sight,
+    support: PointSet,
     /// The nominal specimen bent out of its plane, once it was asked for.
     bending: OnceLock<Bending>,
     /// What averages over subsets about the nodes read, and what the nodes themselves do, once it was asked for.
@@ -74,7 +74,7 @@ impl FieldExperiment {
             .collect();
         let observer = Locator::new(&plate.mesh).observe_extended(&points);
         Ok(Self {
-            support: Sight::anywhere(&points, &[]).with_observer(observer),
+            support: PointSet::anywhere(&points, &[]).with_observer(observer),
             test,
             scene,
             plate,
@@ -96,7 +96,7 @@ impl FieldExperiment {
     }
 
     /// What a sight sees of the nominal specimen bent out of its plane.
-    fn bent<T>(&self, sight: &Sight, see: impl Fn(&Bending, &Observer) -> T) -> Result<T> {
+    fn bent<T>(&self, sight: &PointSet, see: impl Fn(&Bending, &Observer) -> T) -> Result<T> {
         let bending = self.bending()?;
         if let Some(observer) = sight.observer() {
             return Ok(see(bending, observer));
@@ -143,9 +143,9 @@ impl FieldExperiment {
         &self,
         about: Option<&Anchor>,
         state: &State,
-        (sight, located): (&Sight, &mut Option<Observer>),
+        (sight, located): (&PointSet, &mut Option<Observer>),
         gradient: bool,
-    ) -> Result<Look> {
+    ) -> Result<CameraField> {
         let camera = Seen::new(state.acting(), &self.scene).moved(self.motion());
         // what optics make of a rotation depends on the rotation; a plain camera reports it as it is
         let solution = self.loaded(about, state, gradient || !camera.is_plain())?;
@@ -172,7 +172,7 @@ impl FieldExperiment {
         } else {
             Vec::new()
         };
-        Ok(Look {
+        Ok(CameraField {
             displacement,
             loaded,
             gradient,
@@ -195,7 +195,7 @@ impl FieldExperiment {
 
     /// Where a sight's points lie on a mesh, as a camera shows them. Where an effect moves points into the hole or past an edge, the
     /// field is continued.
-    fn observer(&self, mesh: &Mesh, camera: &Seen<'_>, sight: &Sight) -> Observer {
+    fn observer(&self, mesh: &Mesh, camera: &Seen<'_>, sight: &PointSet) -> Observer {
         let places: Vec<[f64; 2]> = sight.all().iter().map(|&p| camera.true_point(p)).collect();
         let locator = Locator::new(mesh);
         match self.subsets().filter(|_| sight.is_correlated()) {
@@ -218,7 +218,7 @@ impl FieldExperiment {
     }
 
     /// A basis as a sight's points see it, of tests like `setup`; of a subset its middle, which moves more than its average.
-    fn view_of(&self, basis: Arc<SpanBasis>, setup: &Setup, sight: &Sight) -> Result<View> {
+    fn view_of(&self, basis: Arc<SpanBasis>, setup: &Setup, sight: &PointSet) -> Result<View> {
         let mesh = self.plate.mesh_of(setup)?;
         let own = sight
             .observer()
@@ -234,7 +234,7 @@ impl FieldExperiment {
     }
 
     /// What a nominal plate's displacements show under the gauge, by a plain camera.
-    fn shown(&self, nodal: Vec<f64>, observer: &Observer, sight: &Sight) -> Vec<[f64; 2]> {
+    fn shown(&self, nodal: Vec<f64>, observer: &Observer, sight: &PointSet) -> Vec<[f64; 2]> {
         let mut solution = Solution {
             mesh: Cow::Borrowed(&self.plate.mesh),
             nodal,
@@ -275,7 +275,7 @@ impl Mechanics for FieldExperiment {
         Ok(self.on_specimen(&Locator::new(&mesh), &places))
     }
 
-    fn added(&self, of: &dyn Effect, amplitude: &[f64], sight: &Sight) -> Result<Vec<[f64; 2]>> {
+    fn added(&self, of: &dyn Effect, amplitude: &[f64], sight: &PointSet) -> Result<Vec<[f64; 2]>> {
         let Some(curvature) = of.curvature(amplitude) else {
             return Ok(in_closed_form(&self.scene, of, amplitude, sight));
         };
@@ -288,7 +288,7 @@ impl Mechanics for FieldExperiment {
         &self,
         effect: &dyn Effect,
         amplitude: &[f64],
-        sight: &Sight,
+        sight: &PointSet,
     ) -> Result<Option<Vec<f64>>> {
         let camera = self.scene.camera_distance_mm;
         let Some(curvature) = effect.curvature(amplitude).filter(|_| camera.is_some()) else {
@@ -300,7 +300,7 @@ impl Mechanics for FieldExperiment {
         Ok(Some(all[..sight.points().len()].to_vec()))
     }
 
-    fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look> {
+    fn look(&self, state: &State, sight: &PointSet, gradient: bool) -> Result<CameraField> {
         self.seen(None, state, (sight, &mut None), gradient)
     }
 
@@ -313,8 +313,8 @@ impl Mechanics for FieldExperiment {
         &self,
         about: Option<&Anchor>,
         states: &[State],
-        sight: &Sight,
-    ) -> Result<Vec<Look>> {
+        sight: &PointSet,
+    ) -> Result<Vec<CameraField>> {
         let about = about.filter(|_| !self.test.full_order);
         let mut located = None;
         let look = |state| self.seen(about, state, (sight, &mut located), false);
@@ -325,7 +325,7 @@ impl Mechanics for FieldExperiment {
         &self,
         about: Option<&Anchor>,
         state: &State,
-        sight: &Sight,
+        sight: &PointSet,
         softening: Softening<'_>,
     ) -> Result<Vec<Vec<[f64; 2]>>> {
         let Some(anchor) = about else {
@@ -369,11 +369,11 @@ impl Places for FieldExperiment {
         self.test.window
     }
 
-    fn support(&self) -> &Sight {
+    fn support(&self) -> &PointSet {
         &self.support
     }
 
-    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]> {
+    fn spread(&self, at_support: &[[f64; 2]], sight: &PointSet) -> Vec<[f64; 2]> {
         let mut nodal = vec![0.0; self.plate.mesh.unknowns()];
         for (&node, u) in self.nodes.iter().zip(at_support) {
             nodal[2 * node as usize] = u[0];
@@ -387,7 +387,7 @@ impl Places for FieldExperiment {
         }
     }
 
-    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>) {
+    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (PointSet, Vec<bool>) {
         let locator = Locator::new(&self.plate.mesh);
         let mut inside = self.on_specimen(&locator, &[points, further].concat());
         let on_plate = |points: &[[f64; 2]], inside: &[bool]| -> Vec<[f64; 2]> {
@@ -399,8 +399,8 @@ impl Places for FieldExperiment {
         (self.extended(&on_plate(points, &inside), &further), inside)
     }
 
-    fn extended(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> Sight {
-        let sight = Sight::anywhere(points, further);
+    fn extended(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> PointSet {
+        let sight = PointSet::anywhere(points, further);
         let sight = match self.subsets() {
             Some(_) => sight.correlated(),
             None => sight,
@@ -409,8 +409,8 @@ impl Places for FieldExperiment {
         sight.with_observer(observer)
     }
 
-    fn sight(&self, points: &[[f64; 2]]) -> Sight {
-        let sight = Sight::anywhere(points, &[]);
+    fn sight(&self, points: &[[f64; 2]]) -> PointSet {
+        let sight = PointSet::anywhere(points, &[]);
         match self.subsets() {
             Some(_) => sight.correlated(),
             None => sight,
@@ -438,14 +438,14 @@ impl Spanning for FieldExperiment {
         fem::span(&self.plate, &tests, WORTH_A_BASIS)
     }
 
-    fn view(&self, sight: &Sight) -> Result<Option<View>> {
+    fn view(&self, sight: &PointSet) -> Result<Option<View>> {
         let basis = self.plate.nominal_basis();
         basis
             .map(|basis| self.view_of(basis, &self.scene.setup, sight))
             .transpose()
     }
 
-    fn certify(&self, states: &[State], sight: &Sight) -> Result<Vec<Certificate>> {
+    fn certify(&self, states: &[State], sight: &PointSet) -> Result<Vec<Certificate>> {
         let mut views: Vec<View> = Vec::new();
         let mut certificates = Vec::new();
         for state in states {
@@ -463,7 +463,7 @@ impl Spanning for FieldExperiment {
         Ok(certificates)
     }
 
-    fn spanning(&self, sight: &Sight) -> Vec<Vec<[f64; 2]>> {
+    fn spanning(&self, sight: &PointSet) -> Vec<Vec<[f64; 2]>> {
         let (Some(basis), Some(observer)) = (self.plate.nominal_basis(), sight.observer()) else {
             return Vec::new();
         };

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Sight;
+use super::PointSet;
 use crate::error::{Error, Result};
 use crate::fem::{Locator, Motion, Observer, Plate, Solution};
 use crate::field::{Frame, rigid};
@@ -69,7 +69,7 @@ impl ZeroAt {
     }
 
     /// The motion that is subtracted from fields on a mesh, part by part, at a sight's points.
-    pub fn motions(&self, mesh: &Mesh, sight: &Sight) -> Vec<Motion> {
+    pub fn motions(&self, mesh: &Mesh, sight: &PointSet) -> Vec<Motion> {
         let (observer, point) = self.on(mesh);
         let n = mesh.unknowns();
         let shifts = [[1.0, 0.0], [0.0, 1.0]].map(|unit| observer.forces(&[unit], n));
@@ -79,7 +79,7 @@ impl ZeroAt {
 }
 
 /// The motion that [`Gauge::Window`] takes from fields on a mesh, part by part, at a sight's points, which the observer knows.
-pub(super) fn window_motions(mesh: &Mesh, observer: &Observer, sight: &Sight) -> Vec<Motion> {
+pub(super) fn window_motions(mesh: &Mesh, observer: &Observer, sight: &PointSet) -> Vec<Motion> {
     let points = sight.all();
     let n = points.len().max(1) as f64;
     let center = [0, 1].map(|k| points.iter().map(|p| p[k]).sum::<f64>() / n);
@@ -104,7 +104,7 @@ pub(super) fn window_motions(mesh: &Mesh, observer: &Observer, sight: &Sight) ->
 }
 
 /// Both shifts and the rotation about a point, with the forces that find how much of each a field has.
-fn parts(forces: [Vec<f64>; 3], sight: &Sight, center: [f64; 2]) -> Vec<Motion> {
+fn parts(forces: [Vec<f64>; 3], sight: &PointSet, center: [f64; 2]) -> Vec<Motion> {
     let unit = |k: usize| rigid::RigidMotion {
         shift: [0, 1].map(|i| if i == k { 1.0 } else { 0.0 }),
         angle: if k == 2 { 1.0 } else { 0.0 },
@@ -201,7 +201,7 @@ fn subtract(mesh: &Mesh, motion: &rigid::RigidMotion, u: &mut [f64]) {
 /// A field under the gauge, at a sight's points, from its values at all of them, further ones included: the projection that
 /// data, modes and sensitivities have in common. Under [`Gauge::Window`] it is free of the least-squares rigid motion over
 /// all of them; under [`Gauge::ZeroAtMm`] the specimen was held before it was looked at.
-pub fn gauged(gauge: Gauge, sight: &Sight, all: &[[f64; 2]]) -> Vec<[f64; 2]> {
+pub fn gauged(gauge: Gauge, sight: &PointSet, all: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let points = sight.points();
     if gauge != Gauge::Window {
         return all[..points.len()].to_vec();

@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-use super::{Gauge, Look, Mechanics, Places, Sight, Spanning, State};
+use super::{CameraField, Gauge, Mechanics, Places, PointSet, Spanning, State};
 use crate::effect::{Scene, Seen};
 use crate::error::Result;
 use crate::geometry::HOLE;
@@ -15,7 +15,7 @@ pub struct MockExperiment {
     scene: Scene,
     gauge: Gauge,
     window: [[f64; 2]; 2],
-    support: Sight,
+    support: PointSet,
 }
 
 /// Points of the support along each side of the window: they determine a quadratic.
@@ -33,7 +33,7 @@ impl MockExperiment {
             scene,
             gauge,
             window,
-            support: Sight::anywhere(&support, &[]),
+            support: PointSet::anywhere(&support, &[]),
         }
     }
 
@@ -70,7 +70,7 @@ impl Mechanics for MockExperiment {
         Ok(points.iter().map(beside).collect())
     }
 
-    fn look(&self, state: &State, sight: &Sight, _gradient: bool) -> Result<Look> {
+    fn look(&self, state: &State, sight: &PointSet, _gradient: bool) -> Result<CameraField> {
         let (a, width) = self.compliance(state)?;
         let camera = Seen::new(state.acting(), &self.scene);
         let uniform = a * Vector3::new(1.0, 0.5, 0.25);
@@ -94,7 +94,7 @@ impl Mechanics for MockExperiment {
                 [shear - slope[0] * s, uniform[1] + slope[1] * t],
             ]);
         }
-        Ok(Look {
+        Ok(CameraField {
             displacement,
             loaded,
             gradient,
@@ -107,12 +107,12 @@ impl Places for MockExperiment {
         self.window
     }
 
-    fn support(&self) -> &Sight {
+    fn support(&self) -> &PointSet {
         &self.support
     }
 
     /// The quadratic through the values at the support, by least squares.
-    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]> {
+    fn spread(&self, at_support: &[[f64; 2]], sight: &PointSet) -> Vec<[f64; 2]> {
         let mut gram = SMatrix::<f64, 6, 6>::zeros();
         let mut right = SMatrix::<f64, 6, 2>::zeros();
         for (&p, u) in self.support.points().iter().zip(at_support) {
@@ -131,8 +131,11 @@ impl Places for MockExperiment {
         sight.all().iter().map(value).collect()
     }
 
-    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>) {
-        (Sight::anywhere(points, further), vec![true; points.len()])
+    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (PointSet, Vec<bool>) {
+        (
+            PointSet::anywhere(points, further),
+            vec![true; points.len()],
+        )
     }
 }
 

@@ -27,10 +27,10 @@ pub use field_test::FieldTest;
 pub use gauge::{Gauge, check as check_gauge, gauged};
 pub use mock::MockExperiment;
 pub use sensitivity::{Direction, Neighbourhood, pictured, sensitivity};
-pub use sight::Sight;
+pub use sight::PointSet;
 pub use solver::{
-    FieldSolver, Given, Look, Mechanics, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Places, Softening,
-    Spanning,
+    CameraField, FieldSolver, Given, Mechanics, NEAR_EDGE_HARMONICS, NEAR_EDGE_REACH, Places,
+    Softening, Spanning,
 };
 pub use spec::{ExperimentKind, ExperimentSpec, StepForces, check_name};
 pub use state::State;
@@ -47,14 +47,18 @@ pub struct Prediction {
     /// The part that the load causes, under the gauge, mm.
     pub loaded: Vec<[f64; 2]>,
     /// The same before the gauge.
-    pub look: Look,
+    pub look: CameraField,
 }
 
 /// Predict what a state shows.
 ///
 /// # Errors
 /// Those of [`Mechanics::look`].
-pub fn predict(experiment: &dyn FieldSolver, state: &State, sight: &Sight) -> Result<Prediction> {
+pub fn predict(
+    experiment: &dyn FieldSolver,
+    state: &State,
+    sight: &PointSet,
+) -> Result<Prediction> {
     let look = experiment.look(state, sight, false)?;
     observe(experiment, state, sight, look)
 }
@@ -67,7 +71,7 @@ pub fn predict_near(
     experiment: &dyn FieldSolver,
     about: Option<&Anchor>,
     state: &State,
-    sight: &Sight,
+    sight: &PointSet,
 ) -> Result<Prediction> {
     let look = experiment.look_near(about, state, sight)?;
     observe(experiment, state, sight, look)
@@ -80,7 +84,7 @@ pub fn predict_near(
 pub fn predict_with_gradient(
     experiment: &dyn FieldSolver,
     state: &State,
-    sight: &Sight,
+    sight: &PointSet,
 ) -> Result<Prediction> {
     let look = experiment.look(state, sight, true)?;
     observe(experiment, state, sight, look)
@@ -90,8 +94,8 @@ pub fn predict_with_gradient(
 fn observe(
     experiment: &dyn FieldSolver,
     state: &State,
-    sight: &Sight,
-    look: Look,
+    sight: &PointSet,
+    look: CameraField,
 ) -> Result<Prediction> {
     let loaded = gauged(experiment.gauge(), sight, &look.displacement);
     let mut field = loaded.clone();

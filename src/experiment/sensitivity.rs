@@ -1,6 +1,8 @@
 //! What a change of one parameter does to a predicted field.
 
-use super::{FieldSolver, Look, Prediction, Sight, State, gauged, load_response, predict_near};
+use super::{
+    CameraField, FieldSolver, PointSet, Prediction, State, gauged, load_response, predict_near,
+};
 use crate::effect::{Effect, Kind, Scene, Seen, force_scale, one_unit};
 use crate::error::Result;
 use crate::fem::Anchor;
@@ -47,7 +49,7 @@ pub struct Neighbourhood<'a> {
 pub fn sensitivity(
     experiment: &dyn FieldSolver,
     about: &Neighbourhood<'_>,
-    sight: &Sight,
+    sight: &PointSet,
     direction: Direction,
     step: f64,
 ) -> Result<Vec<[f64; 2]>> {
@@ -80,7 +82,7 @@ pub fn sensitivity(
 fn optical(
     experiment: &dyn FieldSolver,
     about: &Neighbourhood<'_>,
-    sight: &Sight,
+    sight: &PointSet,
     direction: Direction,
     step: f64,
 ) -> Vec<[f64; 2]> {
@@ -102,13 +104,13 @@ fn slope(high: &[[f64; 2]], low: &[[f64; 2]], step: f64) -> Vec<[f64; 2]> {
 pub fn pictured(
     experiment: &dyn FieldSolver,
     about: &Neighbourhood<'_>,
-    sight: &Sight,
+    sight: &PointSet,
     state: &State,
     scene: &Scene,
 ) -> Vec<[f64; 2]> {
     let before = Seen::new(about.at.acting(), experiment.scene());
     let camera = Seen::new(state.acting(), scene).moved(experiment.motion());
-    let Look {
+    let CameraField {
         loaded, gradient, ..
     } = &about.here.look;
     let points = sight.all();

@@ -5,7 +5,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{FieldSolver, Gauge, Look, Sight, State, gauged};
+use super::{CameraField, FieldSolver, Gauge, PointSet, State, gauged};
 use crate::effect::{Acting, Effect, Kind, Scene, Scope, Seen, force_scale};
 use crate::error::Result;
 use crate::fem::Anchor;
@@ -257,7 +257,7 @@ pub type Average<'a> = dyn Fn(&[[f64; 2]]) -> Vec<[f64; 2]> + Sync + 'a;
 /// How a series' displacements are obtained.
 pub struct Solver<'a> {
     pub experiment: &'a dyn FieldSolver,
-    pub sight: &'a Sight,
+    pub sight: &'a PointSet,
     /// Averages of values at the sight's points: those at the places of the series.
     pub average: &'a Average<'a>,
 }
@@ -305,7 +305,7 @@ impl Solver<'_> {
         about: Option<&Anchor>,
         state: &State,
         loads: &[f64],
-        look: &Look,
+        look: &CameraField,
     ) -> Result<Loaded> {
         let solved = self.places(look);
         let mut linear = solved.clone();
@@ -344,7 +344,7 @@ impl Solver<'_> {
         };
         let states: Vec<State> = forces.iter().map(under).collect();
         let looks = self.experiment.looks_near(about, &states, self.sight)?;
-        let added = |(look, load): (&Look, &f64)| {
+        let added = |(look, load): (&CameraField, &f64)| {
             let whole = self.places(look).into_iter().zip(solved);
             let added = whole.map(|(u, solved)| [0, 1].map(|c| u[c] - load * solved[c]));
             added.collect()
@@ -358,11 +358,11 @@ impl Solver<'_> {
     }
 
     /// Displacements at the places, free of the rigid motion over the points.
-    fn places(&self, look: &Look) -> Vec<[f64; 2]> {
+    fn places(&self, look: &CameraField) -> Vec<[f64; 2]> {
         (self.average)(&gauged(Gauge::Window, self.sight, &look.loaded))
     }
 
-    fn gradient(&self, look: &Look) -> Vec<[[f64; 2]; 2]> {
+    fn gradient(&self, look: &CameraField) -> Vec<[[f64; 2]; 2]> {
         if look.gradient.is_empty() {
             return Vec::new();
         }

@@ -6,7 +6,7 @@ use crate::fem::Observer;
 
 /// Reported points, and further ones that only the gauge counts: places of outliers, which were measured all the same.
 #[derive(Clone)]
-pub struct Sight {
+pub struct PointSet {
     /// Points, then further ones, (s, t) mm.
     all: Vec<[f64; 2]>,
     seen: usize,
@@ -18,7 +18,7 @@ pub struct Sight {
     correlated: bool,
 }
 
-impl Sight {
+impl PointSet {
     /// Points whose place on a mesh is not known beforehand.
     pub fn anywhere(points: &[[f64; 2]], further: &[[f64; 2]]) -> Self {
         Self {
@@ -30,7 +30,7 @@ impl Sight {
         }
     }
 
-    /// The same points with their places on the nominal mesh, in the order of [`Sight::all`].
+    /// The same points with their places on the nominal mesh, in the order of [`PointSet::all`].
     pub(super) fn with_observer(mut self, observer: Observer) -> Self {
         self.observer = Some(observer);
         self

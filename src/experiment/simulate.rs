@@ -10,7 +10,7 @@ use rand_pcg::Pcg64Dxsm;
 
 use super::{FieldSolver, State, predict, record};
 use crate::effect::limit::alter_checked;
-use crate::effect::{Acting, Scene, obstacle};
+use crate::effect::{Acting, Scene, why_not};
 use crate::error::{Error, Result};
 use crate::field::Grid;
 use crate::noise::matern_pair;
@@ -112,7 +112,7 @@ fn fill(grid: &mut Grid, inside: &[bool], u: Vec<[f64; 2]>) {
 /// Effects that cannot act in this test.
 fn refuse_obstacles(effects: &[Acting], scene: &Scene) -> Result<()> {
     for acting in effects {
-        if let Some(why) = obstacle(acting.effect, scene) {
+        if let Some(why) = why_not(acting.effect, scene) {
             return Err(
                 Error::input("--effect", "effects that can act in this test")
                     .found(acting.effect.name())

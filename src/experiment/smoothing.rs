@@ -2,7 +2,7 @@
 
 use std::sync::OnceLock;
 
-use super::sight::Sight;
+use super::sight::PointSet;
 use super::subset::Subsets;
 use crate::fem::{Locator, Observer};
 use crate::geometry::Mesh;
@@ -19,7 +19,7 @@ pub(super) struct Smoothing<'a> {
 impl Smoothing<'_> {
     /// What the subsets S do to a nodal field u (mm), at a sight's points (mm): (S - 1) u. Where the points stand for themselves, subsets will
     /// average over what is added there: then (1 - 1/S) u, to second order in S - 1.
-    pub fn added(&self, nodal: &[f64], (sight, observer): (&Sight, &Observer)) -> Vec<[f64; 2]> {
+    pub fn added(&self, nodal: &[f64], (sight, observer): (&PointSet, &Observer)) -> Vec<[f64; 2]> {
         if sight.is_correlated() {
             let both = sight.smoothed(|| self.averages_and_middles(sight.all()));
             return averages_less_middles(both, nodal);

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::field_test::FieldTest;
 use super::gauge::Gauge;
 use super::mesh_error::MeshError;
-use super::sight::Sight;
+use super::sight::PointSet;
 use super::state::State;
 use crate::effect::{Effect, Scene};
 use crate::error::{Error, Result};
@@ -44,14 +44,14 @@ pub trait Mechanics: Send + Sync {
     ///
     /// # Errors
     /// Those of the mechanics; constants that are not admissible.
-    fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look>;
+    fn look(&self, state: &State, sight: &PointSet, gradient: bool) -> Result<CameraField>;
 
     /// The displacement, mm, that an additive effect of some amplitudes (border units) adds at a sight's points, without `further` ones. It is
     /// linear in the amplitudes.
     ///
     /// # Errors
     /// Those of the mechanics.
-    fn added(&self, of: &dyn Effect, amplitude: &[f64], sight: &Sight) -> Result<Vec<[f64; 2]>> {
+    fn added(&self, of: &dyn Effect, amplitude: &[f64], sight: &PointSet) -> Result<Vec<[f64; 2]>> {
         Ok(in_closed_form(self.scene(), of, amplitude, sight))
     }
 
@@ -64,7 +64,7 @@ pub trait Mechanics: Send + Sync {
         &self,
         _effect: &dyn Effect,
         _amplitude: &[f64],
-        _sight: &Sight,
+        _sight: &PointSet,
     ) -> Result<Option<Vec<f64>>> {
         Ok(None)
     }
@@ -77,7 +77,7 @@ pub trait Mechanics: Send + Sync {
         &self,
         _about: Option<&Anchor>,
         _state: &State,
-        _sight: &Sight,
+        _sight: &PointSet,
         _softening: Softening<'_>,
     ) -> Result<Vec<Vec<[f64; 2]>>> {
         Ok(Vec::new())
@@ -95,7 +95,12 @@ pub trait Mechanics: Send + Sync {
     ///
     /// # Errors
     /// Those of [`Mechanics::look`].
-    fn look_near(&self, about: Option<&Anchor>, state: &State, sight: &Sight) -> Result<Look> {
+    fn look_near(
+        &self,
+        about: Option<&Anchor>,
+        state: &State,
+        sight: &PointSet,
+    ) -> Result<CameraField> {
         let mut looks = self.looks_near(about, std::slice::from_ref(state), sight)?;
         looks
             .pop()
@@ -110,8 +115,8 @@ pub trait Mechanics: Send + Sync {
         &self,
         _about: Option<&Anchor>,
         states: &[State],
-        sight: &Sight,
-    ) -> Result<Vec<Look>> {
+        sight: &PointSet,
+    ) -> Result<Vec<CameraField>> {
         let look = |state| self.look(state, sight, false);
         states.iter().map(look).collect()
     }
@@ -140,22 +145,22 @@ pub trait Places: Send + Sync {
     fn window(&self) -> [[f64; 2]; 2];
 
     /// Points at which a field is known well enough to be continued over the window: where reduced models keep it.
-    fn support(&self) -> &Sight;
+    fn support(&self) -> &PointSet;
 
     /// A field on the points of a sight, `further` ones included, from its values at [`Places::support`].
-    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]>;
+    fn spread(&self, at_support: &[[f64; 2]], sight: &PointSet) -> Vec<[f64; 2]>;
 
     /// The points of the nominal specimen among `points` and `further`, and which of `points` those are.
-    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>);
+    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (PointSet, Vec<bool>);
 
     /// Points and further ones that all show the specimen, with their places on this mesh; beside it the field is continued.
-    fn extended(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> Sight {
-        Sight::anywhere(points, further)
+    fn extended(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> PointSet {
+        PointSet::anywhere(points, further)
     }
 
     /// Reported points whose place on the mesh is not known yet; each stands for its subset where images are correlated.
-    fn sight(&self, points: &[[f64; 2]]) -> Sight {
-        Sight::anywhere(points, &[])
+    fn sight(&self, points: &[[f64; 2]]) -> PointSet {
+        PointSet::anywhere(points, &[])
     }
 }
 
@@ -185,7 +190,7 @@ pub trait Spanning: Send + Sync {
 
     /// Fields at a sight's points, under the gauge, mm, whose sums are what the load causes in states that [`Spanning::coordinates`]
     /// knows; empty before [`Spanning::span`].
-    fn spanning(&self, _sight: &Sight) -> Vec<Vec<[f64; 2]>> {
+    fn spanning(&self, _sight: &PointSet) -> Vec<Vec<[f64; 2]>> {
         Vec::new()
     }
 
@@ -198,7 +203,7 @@ pub trait Spanning: Send + Sync {
     ///
     /// # Errors
     /// Those of [`Mechanics::look`].
-    fn view(&self, _sight: &Sight) -> Result<Option<View>> {
+    fn view(&self, _sight: &PointSet) -> Result<Option<View>> {
         Ok(None)
     }
 
@@ -206,7 +211,7 @@ pub trait Spanning: Send + Sync {
     ///
     /// # Errors
     /// Those of [`Mechanics::look`].
-    fn certify(&self, _states: &[State], _sight: &Sight) -> Result<Vec<Certificate>> {
+    fn certify(&self, _states: &[State], _sight: &PointSet) -> Result<Vec<Certificate>> {
         Ok(Vec::new())
     }
 
@@ -243,7 +248,7 @@ pub const NEAR_EDGE_REACH: f64 = 1.3;
 pub const NEAR_EDGE_HARMONICS: usize = 4;
 
 /// A field as the camera reports it, before the gauge. One entry a point of the sight, `further` ones included.
-pub struct Look {
+pub struct CameraField {
     /// Displacement (u1, u2), mm.
     pub displacement: Vec<[f64; 2]>,
     /// Displacement of the specimen at the true points, before the camera, mm.
@@ -257,7 +262,7 @@ pub(super) fn in_closed_form(
     scene: &Scene,
     effect: &dyn Effect,
     amplitude: &[f64],
-    sight: &Sight,
+    sight: &PointSet,
 ) -> Vec<[f64; 2]> {
     let points = sight.points().par_iter();
     points

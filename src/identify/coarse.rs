@@ -9,7 +9,7 @@ use std::sync::Arc;
 use super::forward::over_blocks;
 use super::prepared::Prepared;
 use crate::error::Result;
-use crate::experiment::{FieldSolver, Sight};
+use crate::experiment::{FieldSolver, PointSet};
 use crate::field::Blocks;
 use crate::field::blocks::one_a_tile;
 use crate::infer::{Model, coarse_experiment};
@@ -20,9 +20,9 @@ use crate::posterior::CoarseForwards;
 pub struct CoarseTest {
     experiment: Arc<dyn FieldSolver>,
     /// All points, as the fine mesh has them.
-    all: Sight,
+    all: PointSet,
     /// Of one field a few points in every block, of a series the blocks' middles.
-    few: Sight,
+    few: PointSet,
     /// The blocks with the few points alone, of one field.
     thinned: Option<Blocks>,
 }

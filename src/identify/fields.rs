@@ -5,7 +5,7 @@ use nalgebra::DMatrix;
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::experiment::{FieldSolver, Sight, State, predict};
+use crate::experiment::{FieldSolver, PointSet, State, predict};
 use crate::noise::reml::orthonormal;
 
 /// Fields of which the span is taken, spread over the box of the constants.
@@ -19,7 +19,7 @@ const FIELDS: usize = 12;
 pub fn modes(
     experiment: &dyn FieldSolver,
     states: &[State],
-    sight: &Sight,
+    sight: &PointSet,
 ) -> Result<Vec<Vec<[f64; 2]>>> {
     let every = states.len().div_ceil(FIELDS).max(1);
     let some: Vec<&State> = states.iter().step_by(every).collect();

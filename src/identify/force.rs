@@ -1,7 +1,7 @@
 //! A series of which no force is known.
 
 use crate::error::Result;
-use crate::experiment::{Gauge, Sight, gauged, predict};
+use crate::experiment::{Gauge, PointSet, gauged, predict};
 use crate::infer::{Model, experiment_over};
 
 /// Where no force of a series is known, take that of its reference step for the one at which displacements have the size that the priors'
@@ -18,7 +18,7 @@ pub fn settle_force(model: &mut Model) -> Result<()> {
         return Ok(());
     };
     let points = &series.field.points;
-    let sight = Sight::anywhere(points, &[]);
+    let sight = PointSet::anywhere(points, &[]);
     let experiment = experiment_over(model, series.field.measured_bounds(), 1.0)?;
     let state = model.state(&|_| None);
     let predicted = predict(&*experiment, &state, &experiment.sight(points))?.field;

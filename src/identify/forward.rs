@@ -1,7 +1,7 @@
 //! The forward model of what was measured.
 
 use super::prepared::Prepared;
-use crate::experiment::{FieldSolver, Sight};
+use crate::experiment::{FieldSolver, PointSet};
 use crate::infer::Model;
 use crate::linearise::{AtPlaces, AtPoints, Forward, Measured, Observing, Slopes};
 
@@ -24,7 +24,7 @@ pub fn forward<'a>(
 /// How the test that an experiment solves is compared with the measurement: a field by its blocks, a series by the blocks of every step.
 /// `sight` is where its points lie.
 pub fn over_blocks<'a>(
-    (experiment, sight): (&'a dyn FieldSolver, &'a Sight),
+    (experiment, sight): (&'a dyn FieldSolver, &'a PointSet),
     prepared: &'a Prepared,
     measured: &'a Measured,
 ) -> Box<dyn Observing + 'a> {

@@ -21,8 +21,8 @@ use crate::linearise::{
 };
 use crate::noise::{Noise, NormalEquations};
 use crate::posterior::{
-    About, CoarseForwards, Composition, LinearisationPoint, MixtureChoice, NoisePair, NoiseScale,
-    Posed, PosteriorDensity, TestExpansion, Weighing, Whose, linear,
+    About, CoarseForwards, Composition, LinearRole, LinearisationPoint, MixtureChoice, NoisePair,
+    NoiseScale, Posed, PosteriorDensity, TestExpansion, Weighing, linear,
 };
 use crate::progress::Progress;
 use crate::sample::{Laplace, laplace};
@@ -410,7 +410,7 @@ fn declared(
     let count = linear(&expanded.here).len();
     let account = Composition {
         kept: (0..count).collect(),
-        whose: vec![Whose::Always; count],
+        whose: vec![LinearRole::Always; count],
         largest: DVector::repeat(count, 1.0),
         pairs: vec![chosen.pair],
         parts: vec![MixtureChoice {

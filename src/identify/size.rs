@@ -1,7 +1,7 @@
 //! A measurement that cannot be meant.
 
 use crate::error::{Error, Result};
-use crate::experiment::{Gauge, Sight, gauged};
+use crate::experiment::{Gauge, PointSet, gauged};
 use crate::field::Field;
 
 /// Largest ratio of the measured displacements to the model's that is not a mistake in the units.
@@ -13,7 +13,7 @@ const SIMILAR: f64 = 0.8;
 /// How many times as large as predicted each component is; nothing of one that is another field altogether: what the model lacks may be larger
 /// than what it has.
 fn ratios(field: &Field, predicted: &[[f64; 2]]) -> [Option<f64>; 2] {
-    let points = Sight::anywhere(&field.points, &[]);
+    let points = PointSet::anywhere(&field.points, &[]);
     let [predicted, measured] =
         [predicted, &field.displacement].map(|u| gauged(Gauge::Window, &points, u));
     [0, 1].map(|c: usize| {

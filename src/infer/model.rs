@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::known::Known;
 use super::prior::Marginal;
 use super::schema::{ExperimentEntry, ModelFile, ModelOutline};
-use crate::effect::{Acting, Effect, Scene, amplitude_name, obstacle};
+use crate::effect::{Acting, Effect, Scene, amplitude_name, why_not};
 use crate::error::{Error, Result};
 use crate::experiment::{ExperimentSpec, State, Subsets, check_gauge};
 use crate::fem::Setup;
@@ -171,7 +171,7 @@ impl Model {
     fn validate_scene(&self) -> Result<()> {
         let scene = self.scene();
         for effect in &self.effects {
-            if let Some(reason) = obstacle(*effect, &scene) {
+            if let Some(reason) = why_not(*effect, &scene) {
                 let expected = format!("effects that can act, which this one cannot: {reason}");
                 return Err(Error::input("effects", expected).found(effect.name()));
             }

@@ -2,7 +2,7 @@
 
 use super::steps::Steps;
 use crate::error::{Error, Result};
-use crate::experiment::{FieldSolver, Sight, StepForces};
+use crate::experiment::{FieldSolver, PointSet, StepForces};
 use crate::field::deviant::deviant_points;
 use crate::field::{Field, Reason, Series};
 use crate::noise::residual_of_fit;
@@ -13,7 +13,7 @@ pub struct Observation {
     /// The field, without points outside the plate.
     pub field: Field,
     /// Its points, and the outliers' places that the gauge counts.
-    pub sight: Sight,
+    pub sight: PointSet,
     /// Declared effects of the recording, which have been taken out of the field.
     pub recorded: Vec<RecordedAmplitude>,
     /// The steps of a load series, where it is one.

@@ -13,7 +13,7 @@ use super::slopes::averages;
 use crate::effect::{Effect, Scene, Scope};
 use crate::error::Result;
 use crate::experiment::series::{Loaded, SeriesState, Solver, reported, rigid_free};
-use crate::experiment::{Direction, FieldSolver, Sight, Softening, State};
+use crate::experiment::{Direction, FieldSolver, PointSet, Softening, State};
 use crate::fem::Anchor;
 use crate::field::Blocks;
 use crate::infer::{FREE_MM, Model, Steps};
@@ -22,7 +22,7 @@ use crate::parameter::Parameter;
 /// A series, where its averages lie.
 pub struct AtPlaces<'a> {
     pub experiment: &'a dyn FieldSolver,
-    pub sight: &'a Sight,
+    pub sight: &'a PointSet,
     pub steps: &'a Steps,
     /// Where the averages lie, mm, and how much each counts.
     pub places: &'a [[f64; 2]],
@@ -49,7 +49,7 @@ impl<'a> AtPlaces<'a> {
     /// Over blocks of a sight's points.
     pub fn over_blocks(
         experiment: &'a dyn FieldSolver,
-        sight: &'a Sight,
+        sight: &'a PointSet,
         steps: &'a Steps,
         blocks: &'a Blocks,
     ) -> Self {
@@ -132,7 +132,7 @@ impl Observing for AtPlaces<'_> {
         self.experiment
     }
 
-    fn sight(&self) -> &Sight {
+    fn sight(&self) -> &PointSet {
         self.sight
     }
 

@@ -7,8 +7,8 @@ use crate::effect::{Effect, Scene};
 use crate::error::Result;
 use crate::experiment::series::SeriesState;
 use crate::experiment::{
-    Direction, FieldSolver, Neighbourhood, Prediction, Sight, Softening, State, gauged, pictured,
-    predict, predict_with_gradient, sensitivity,
+    Direction, FieldSolver, Neighbourhood, PointSet, Prediction, Softening, State, gauged,
+    pictured, predict, predict_with_gradient, sensitivity,
 };
 use crate::fem::Anchor;
 use crate::infer::Model;
@@ -33,7 +33,7 @@ impl Observing for AtPoints<'_> {
         self.experiment
     }
 
-    fn sight(&self) -> &Sight {
+    fn sight(&self) -> &PointSet {
         self.slopes.sight()
     }
 

@@ -7,7 +7,7 @@ use super::exported;
 use super::linearisation::Linearisation;
 use super::observing::Observing;
 use super::sensitivities::{Candidate, Sensitivities};
-use crate::effect::{EFFECTS, Effect, Kind, obstacle};
+use crate::effect::{EFFECTS, Effect, Kind, why_not};
 use crate::error::Result;
 use crate::experiment::series::SeriesState;
 use crate::experiment::{Softening, State};
@@ -123,7 +123,7 @@ impl Forward<'_> {
         let scene = self.observing.experiment().scene();
         let declares = |e: &dyn Effect| self.model.effects.iter().any(|d| d.name() == e.name());
         let all = EFFECTS.iter().copied().filter(|e| e.is_of_every_test());
-        let open = all.filter(|e| !declares(*e) && obstacle(*e, scene).is_none());
+        let open = all.filter(|e| !declares(*e) && why_not(*e, scene).is_none());
         let sized = open.map(|e| (e, self.observing.prior_sd(self.model, e, 0)));
         sized.filter(|(_, sd)| *sd > 0.0).collect()
     }

@@ -4,7 +4,7 @@ use super::at_places::AtPlaces;
 use super::column::StepStack;
 use super::sensitivities::Sensitivities;
 use super::slopes::averages;
-use crate::experiment::{FieldSolver, Sight};
+use crate::experiment::{FieldSolver, PointSet};
 use crate::field::{Blocks, Field};
 use crate::infer::Steps;
 use crate::noise::series::Frames;
@@ -34,7 +34,7 @@ impl Measured {
     pub fn new(
         field: &Field,
         experiment: &dyn FieldSolver,
-        (sight, steps): (&Sight, Option<&Steps>),
+        (sight, steps): (&PointSet, Option<&Steps>),
         used: impl Fn(usize) -> bool,
     ) -> Self {
         let blocks = Blocks::new(field, Blocks::size_for(field), used);

@@ -4,7 +4,7 @@ use super::column::{Column, StepStack};
 use crate::effect::{Effect, Scene};
 use crate::error::Result;
 use crate::experiment::series::SeriesState;
-use crate::experiment::{Direction, FieldSolver, Sight, Softening, State};
+use crate::experiment::{Direction, FieldSolver, PointSet, Softening, State};
 use crate::infer::Model;
 
 /// What of a test is observed, and how: at all points of a field, or at the places of averages over them in every step.
@@ -12,7 +12,7 @@ pub trait Observing: Sync {
     fn experiment(&self) -> &dyn FieldSolver;
 
     /// The points that are looked at.
-    fn sight(&self) -> &Sight;
+    fn sight(&self) -> &PointSet;
 
     /// Names of the steps.
     fn names(&self) -> &[String];

@@ -5,18 +5,18 @@ use nalgebra::DVector;
 use super::column::StepStack;
 use crate::error::Result;
 use crate::experiment::State;
-use crate::experiment::{FieldSolver, Prediction, Sight, predict};
+use crate::experiment::{FieldSolver, PointSet, Prediction, predict};
 use crate::field::Blocks;
 use crate::field::blocks::one_a_tile;
 
 /// Points over which slopes are averaged: all, or of blocks of hundreds of points some that stand for the others. A slope within a block
 /// is a plane but for a thousandth; the prediction itself, which is held against the data, is averaged over all points.
 pub enum Slopes<'a> {
-    Everywhere(&'a Sight, &'a Blocks),
+    Everywhere(&'a PointSet, &'a Blocks),
     /// At the points that stand for all of the others.
-    Thinned(Box<(Sight, Blocks)>, &'a Sight, &'a Blocks),
+    Thinned(Box<(PointSet, Blocks)>, &'a PointSet, &'a Blocks),
     /// At single points in place of averages.
-    Points(&'a Sight),
+    Points(&'a PointSet),
 }
 
 /// Along a side of a block, points that stand for the others.
@@ -24,13 +24,13 @@ const ALONG: f64 = 8.0;
 
 impl<'a> Slopes<'a> {
     /// Over blocks of a sight's points.
-    pub fn new(experiment: &dyn FieldSolver, sight: &'a Sight, blocks: &'a Blocks) -> Self {
+    pub fn new(experiment: &dyn FieldSolver, sight: &'a PointSet, blocks: &'a Blocks) -> Self {
         thinned(experiment, sight, blocks).map_or(Self::Everywhere(sight, blocks), |few| {
             Self::Thinned(few.into(), sight, blocks)
         })
     }
 
-    pub(super) fn sight(&self) -> &Sight {
+    pub(super) fn sight(&self) -> &PointSet {
         match self {
             Self::Everywhere(sight, _) | Self::Points(sight) => sight,
             Self::Thinned(few, ..) => &few.0,
@@ -66,9 +66,9 @@ impl<'a> Slopes<'a> {
 /// Points that stand for all others of large blocks.
 fn thinned(
     experiment: &dyn FieldSolver,
-    sight: &Sight,
+    sight: &PointSet,
     blocks: &Blocks,
-) -> Option<(Sight, Blocks)> {
+) -> Option<(PointSet, Blocks)> {
     if blocks.mean_count() < 2.0 * ALONG * ALONG {
         return None;
     }

@@ -1,6 +1,6 @@
 //! Which effects are sought.
 
-use crate::effect::{Companions, EFFECTS, Effect, Kind, obstacle};
+use crate::effect::{Companions, EFFECTS, Effect, Kind, why_not};
 use crate::experiment::series::{Law, SeriesState};
 use crate::infer::{EffectUnderLaw, Model};
 
@@ -11,7 +11,7 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
     let mut left_out = Vec::new();
     for effect in EFFECTS {
         let name = effect.name();
-        if model.effects.iter().any(|e| e.name() == name) || !effect.concerns(&scene) {
+        if model.effects.iter().any(|e| e.name() == name) || !effect.applies_to(&scene) {
             continue;
         }
         let listed = model
@@ -21,7 +21,7 @@ pub fn candidates(model: &Model) -> (Vec<&'static dyn Effect>, Vec<(&'static str
             .is_none_or(|list| list.iter().any(|n| n == name));
         if !listed {
             left_out.push((name, "not among the model's candidates".to_string()));
-        } else if let Some(reason) = obstacle(*effect, &scene) {
+        } else if let Some(reason) = why_not(*effect, &scene) {
             left_out.push((name, reason.to_string()));
         } else if effect.needs_declared_scatter() && !model.always_acts(*effect) {
             let why = "how much of it specimens have is not declared in plausible";

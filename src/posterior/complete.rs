@@ -4,7 +4,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use super::density::{MixtureChoice, PosteriorDensity, lower};
-use super::space::Whose;
+use super::space::LinearRole;
 use crate::numeric::relative_weights;
 use crate::sample::Stream;
 
@@ -240,7 +240,7 @@ impl GivenChoice<'_> {
     pub fn log_ratio(&self, candidate: usize, sd: f64) -> f64 {
         let space = &self.density.space;
         let columns: Vec<usize> = (0..space.whose.len())
-            .filter(|&k| space.whose[k] == Whose::Candidate(candidate))
+            .filter(|&k| space.whose[k] == LinearRole::Candidate(candidate))
             .collect();
         if columns.is_empty() {
             return 0.0;

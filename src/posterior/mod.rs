@@ -35,6 +35,6 @@ pub use noise_choices::{NoiseChoices, NoisePair, with_data};
 pub use point::LinearisationPoint;
 pub use posed::{Composition, Posed};
 pub use ratios::Ratios;
-pub use space::{Space, Whose, linear, monomials, shown, stacked, values};
+pub use space::{LinearRole, Space, linear, monomials, shown, stacked, values};
 pub use surface::{BlockSnapshots, MeanSurface};
 pub use weighing::{Projected, Weighing};

@@ -9,7 +9,7 @@ use super::density::{ConstantsPrior, MixtureChoice, PosteriorDensity};
 use super::equations::Equations;
 use super::expansion::TestExpansion;
 use super::noise_choices::{NoiseChoices, NoisePair};
-use super::space::{Space, Whose, linear, shown, stacked};
+use super::space::{LinearRole, Space, linear, shown, stacked};
 use crate::error::Result;
 use crate::infer::Model;
 use crate::linearise::{Measured, StepStack};
@@ -18,7 +18,7 @@ use crate::linearise::{Measured, StepStack};
 pub struct Composition {
     /// Which of the linear columns take part, and whose they are.
     pub kept: Vec<usize>,
-    pub whose: Vec<Whose>,
+    pub whose: Vec<LinearRole>,
     /// Their largest prior sds, over their own.
     pub largest: DVector<f64>,
     pub pairs: Vec<NoisePair>,

@@ -5,9 +5,9 @@ use nalgebra::{DMatrix, DVector, SymmetricEigen};
 use super::expansion::TestExpansion;
 use crate::linearise::{Column, Measured, Sensitivities};
 
-/// Whose a column is that enters linearly.
+/// What a column stands for that enters linearly.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Whose {
+pub enum LinearRole {
     /// Thickness, load, motion, declared effects, what the data would not show: it acts with its own prior.
     Always,
     /// A candidate's.
@@ -20,7 +20,7 @@ pub enum Whose {
 /// those units are V gamma and something in the null space of V', of which the data know nothing.
 #[derive(Clone)]
 pub struct Space {
-    pub whose: Vec<Whose>,
+    pub whose: Vec<LinearRole>,
     /// Largest prior sds of the columns, in units of their own.
     pub largest: DVector<f64>,
     /// V, columns x directions.
@@ -32,7 +32,7 @@ const SEEN: f64 = 1e-2;
 
 impl Space {
     /// Of columns with the sum of their normal equations under some choices of the noise.
-    pub fn new(whose: Vec<Whose>, largest: DVector<f64>, gram: &DMatrix<f64>) -> Self {
+    pub fn new(whose: Vec<LinearRole>, largest: DVector<f64>, gram: &DMatrix<f64>) -> Self {
         let scaled = DMatrix::from_fn(gram.nrows(), gram.ncols(), |i, j| {
             gram[(i, j)] * largest[i] * largest[j]
         });
@@ -58,10 +58,10 @@ impl Space {
     pub fn sds(&self, own: &[usize], size: f64, rival: f64) -> DVector<f64> {
         DVector::from_fn(self.whose.len(), |k, _| {
             let sd = match self.whose[k] {
-                Whose::Always => 1.0,
-                Whose::Candidate(c) if own.contains(&c) => 1.0,
-                Whose::Candidate(_) => size,
-                Whose::Rival => rival,
+                LinearRole::Always => 1.0,
+                LinearRole::Candidate(c) if own.contains(&c) => 1.0,
+                LinearRole::Candidate(_) => size,
+                LinearRole::Rival => rival,
             };
             sd / self.largest[k]
         })

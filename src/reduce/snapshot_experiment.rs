@@ -11,7 +11,7 @@ use super::supplied::{Supplied, Weights, weights};
 use crate::effect::{Effect, Kind, Scene, Seen};
 use crate::error::{Error, Result};
 use crate::experiment::{
-    FieldSolver, Gauge, Given, Look, Mechanics, Places, Sight, Spanning, State,
+    CameraField, FieldSolver, Gauge, Given, Mechanics, Places, PointSet, Spanning, State,
 };
 use crate::field::rigid::RigidMotion;
 
@@ -164,7 +164,7 @@ impl Mechanics for SnapshotExperiment {
         self.own.shows(state, points)
     }
 
-    fn added(&self, of: &dyn Effect, amplitude: &[f64], sight: &Sight) -> Result<Vec<[f64; 2]>> {
+    fn added(&self, of: &dyn Effect, amplitude: &[f64], sight: &PointSet) -> Result<Vec<[f64; 2]>> {
         self.own.added(of, amplitude, sight)
     }
 
@@ -172,12 +172,12 @@ impl Mechanics for SnapshotExperiment {
         &self,
         effect: &dyn Effect,
         amplitude: &[f64],
-        sight: &Sight,
+        sight: &PointSet,
     ) -> Result<Option<Vec<f64>>> {
         self.own.off_axis(effect, amplitude, sight)
     }
 
-    fn look(&self, state: &State, sight: &Sight, gradient: bool) -> Result<Look> {
+    fn look(&self, state: &State, sight: &PointSet, gradient: bool) -> Result<CameraField> {
         let at_support = self.at_support(state)?;
         let camera = Seen::new(state.acting(), self.scene()).moved(self.motion());
         let places: Vec<[f64; 2]> = sight.all().iter().map(|&p| camera.true_point(p)).collect();
@@ -196,7 +196,7 @@ impl Mechanics for SnapshotExperiment {
             true => self.gradient(&at_support, &places),
             false => Vec::new(),
         };
-        Ok(Look {
+        Ok(CameraField {
             displacement,
             loaded,
             gradient,
@@ -209,19 +209,19 @@ impl Places for SnapshotExperiment {
         self.own.window()
     }
 
-    fn support(&self) -> &Sight {
+    fn support(&self) -> &PointSet {
         self.own.support()
     }
 
-    fn spread(&self, at_support: &[[f64; 2]], sight: &Sight) -> Vec<[f64; 2]> {
+    fn spread(&self, at_support: &[[f64; 2]], sight: &PointSet) -> Vec<[f64; 2]> {
         self.own.spread(at_support, sight)
     }
 
-    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (Sight, Vec<bool>) {
+    fn locate(&self, points: &[[f64; 2]], further: &[[f64; 2]]) -> (PointSet, Vec<bool>) {
         self.own.locate(points, further)
     }
 
-    fn sight(&self, points: &[[f64; 2]]) -> Sight {
+    fn sight(&self, points: &[[f64; 2]]) -> PointSet {
         self.own.sight(points)
     }
 }

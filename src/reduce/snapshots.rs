@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::design::{Dimension, latin_hypercube};
 use super::problem::Problem;
 use crate::error::{Error, Result};
-use crate::experiment::{FieldSolver, Gauge, Sight, State, predict};
+use crate::experiment::{FieldSolver, Gauge, PointSet, State, predict};
 use crate::field::rigid::{self, RigidMotion};
 use crate::numeric::add_scaled;
 
@@ -25,7 +25,7 @@ pub struct Snapshots {
 const SIDE: usize = 48;
 
 /// A lattice of points of the specimen over the window.
-fn lattice(experiment: &dyn FieldSolver) -> Sight {
+fn lattice(experiment: &dyn FieldSolver) -> PointSet {
     let [low, high] = experiment.window();
     let at = |k: usize, i: usize| low[k] + (high[k] - low[k]) * (i as f64 + 0.5) / SIDE as f64;
     let points: Vec<[f64; 2]> = (0..SIDE * SIDE)

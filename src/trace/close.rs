@@ -5,7 +5,7 @@
 //!
 //! | step | from | to |
 //! |---|---|---|
-//! | [`Loop::turn`], until nothing is called for | a [`Course`] and a model | a [`Turn`] |
+//! | [`Loop::turn`], until nothing is called for | a [`Course`] and a model | a [`NextStep`] |
 //! | [`Loop::with_undecided`] | the rounds | the rounds, the last held against what is undecided too |
 //! | [`conclude`] | the rounds | the [`Conclusion`] |
 //! | [`quote`] | both | the posterior [`ToQuote`] |
@@ -16,7 +16,7 @@ use super::attribute::attribute_kept;
 use super::averaged::Interval;
 use super::conclusion::{Conclusion, conclude};
 use super::extend::extended;
-use super::quoted::{Quoted, Supposing, quote};
+use super::quoted::{Quoted, Scenario, quote};
 use super::refused::Refused;
 use super::round::Round;
 use super::traced::Traced;
@@ -36,7 +36,7 @@ pub enum LoopStage {
     /// An attempt at a round, by its number; some are taken back.
     Attempt(usize),
     /// An answer of the posterior to quote.
-    Answer(Supposing),
+    Answer(Scenario),
 }
 
 /// The rounds of a loop and what they come to.
@@ -159,11 +159,11 @@ pub fn explain<'a>(
         model: model.clone(),
         begun: None,
     };
-    let mut turn = Turn::Identify(Course::default(), Box::new(given));
+    let mut turn = NextStep::Identify(Course::default(), Box::new(given));
     let course = loop {
         turn = match turn {
-            Turn::Identify(course, next) => context.turn(course, *next)?,
-            Turn::Ended(course) => break context.with_undecided(course),
+            NextStep::Identify(course, next) => context.turn(course, *next)?,
+            NextStep::Ended(course) => break context.with_undecided(course),
         };
     };
     Ok(Explained {
@@ -181,7 +181,7 @@ struct Course {
 }
 
 /// What is to be done next.
-enum Turn {
+enum NextStep {
     /// Identify a model, as another round.
     Identify(Course, Box<NextModel>),
     /// Nothing: nothing more is called for, or the time is over.
@@ -196,11 +196,11 @@ struct NextModel {
 
 impl Course {
     /// Identify the model that the last round calls for, if there is one and after at most `most` attempts to add an effect.
-    fn next(self, most: usize) -> Turn {
+    fn next(self, most: usize) -> NextStep {
         let model = self.rounds.last().and_then(next_model);
         match model.filter(|_| self.attempts <= most) {
-            Some(next) => Turn::Identify(self, Box::new(next)),
-            None => Turn::Ended(self),
+            Some(next) => NextStep::Identify(self, Box::new(next)),
+            None => NextStep::Ended(self),
         }
     }
 
@@ -221,7 +221,7 @@ struct Loop<'l, 'o> {
 
 impl Loop<'_, '_> {
     /// Identify a model and trace what it leaves.
-    fn turn(&self, course: Course, next: NextModel) -> Result<Turn> {
+    fn turn(&self, course: Course, next: NextModel) -> Result<NextStep> {
         let NextModel { model, begun } = next;
         let attempt = course.attempts;
         let options = (self.options)(LoopStage::Attempt(attempt));
@@ -234,20 +234,20 @@ impl Loop<'_, '_> {
         match round {
             Ok(round) => course.rounds.push(round),
             Err(e) if course.rounds.is_empty() || e.ends_all() => return Err(e),
-            Err(e) if e.blame() == Blame::Limit => return Ok(Turn::Ended(course)),
+            Err(e) if e.blame() == Blame::Limit => return Ok(NextStep::Ended(course)),
             // the fit of what was called for: without it the loop goes on
             Err(e) => return self.retraced(course, e.to_string()),
         }
         if is_over(&options) {
-            return Ok(Turn::Ended(course));
+            return Ok(NextStep::Ended(course));
         }
         match course.next(self.most) {
-            Turn::Ended(mut course) => match course.refuted() {
+            NextStep::Ended(mut course) => match course.refuted() {
                 Some((at, why)) => {
                     course.rounds.truncate(at + 1);
                     self.retraced(course, why)
                 }
-                None => Ok(Turn::Ended(course)),
+                None => Ok(NextStep::Ended(course)),
             },
             next => Ok(next),
         }
@@ -262,9 +262,9 @@ impl Loop<'_, '_> {
     }
 
     /// Take back the effect that the last round called for and trace that round anew.
-    fn retraced(&self, mut course: Course, why: String) -> Result<Turn> {
+    fn retraced(&self, mut course: Course, why: String) -> Result<NextStep> {
         let Some(round) = course.rounds.pop() else {
-            return Ok(Turn::Ended(course));
+            return Ok(NextStep::Ended(course));
         };
         let refused = course.refused.and(&round, why);
         let Round {

@@ -7,7 +7,7 @@ use super::left_out::HeldOutSteps;
 use super::linearity::linearity;
 use super::noise_words::noise_words;
 use super::subsets::Subset;
-use super::tracing::{HeldOutStep, StepMaps, StepResidual, StiffnessField, TracedSteps};
+use super::tracing::{HeldOutStep, SeriesResidual, StepMaps, StepResidual, StiffnessField};
 use crate::experiment::series::rigid_free;
 use crate::linearise::{Column, Sensitivities};
 use crate::noise::NormalEquations;
@@ -23,8 +23,8 @@ impl Evidence {
         pair: &NoisePair,
         held_out: Option<&HeldOutSteps<'_>>,
         stiffness: Option<StiffnessField>,
-    ) -> TracedSteps {
-        TracedSteps {
+    ) -> SeriesResidual {
+        SeriesResidual {
             residuals: self.steps(pair, held_out),
             maps: self.step_maps(pair),
             linearity: linearity(self),

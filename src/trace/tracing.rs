@@ -63,7 +63,7 @@ pub struct Tracing {
     /// The effect to add, if one is called for.
     pub accepted: Option<Accepted>,
     /// Of a series: what is left of its steps, and of all together.
-    pub series: Option<TracedSteps>,
+    pub series: Option<SeriesResidual>,
     /// Groups that the data speak for without being sure.
     pub undecided: Vec<Vec<&'static str>>,
     /// Probability of smooth structure that no effect explains.
@@ -106,7 +106,7 @@ pub fn leaves_structure(discrepancy: f64) -> bool {
 }
 
 /// What tracing finds of a series.
-pub struct TracedSteps {
+pub struct SeriesResidual {
     /// What is left of every step.
     pub residuals: Vec<StepResidual>,
     /// What the declared model leaves of every step.

@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use plychain::effect::{EFFECTS, Effect, Scope, obstacle};
+use plychain::effect::{EFFECTS, Effect, Scope, why_not};
 use plychain::experiment::series::Law;
 use plychain::infer::Model;
 use plychain::mesh_files::ElementKind;
@@ -131,7 +131,7 @@ impl Stage {
 fn acts(effect: &dyn Effect, nominal: &Model) -> bool {
     let scene = nominal.scene();
     let declared = !effect.needs_declared_scatter() || nominal.always_acts(effect);
-    declared && effect.concerns(&scene) && obstacle(effect, &scene).is_none()
+    declared && effect.applies_to(&scene) && why_not(effect, &scene).is_none()
 }
 
 /// Amplitudes that are one prior sd together, of alternating signs (two sensitivities of one sign are a scale of the force, of which every

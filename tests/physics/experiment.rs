@@ -8,7 +8,7 @@ use plychain::experiment::series::Solver;
 use plychain::experiment::simulate::Truth;
 use plychain::experiment::{
     Direction, FieldExperiment, FieldSolver, Gauge, Imaging, Mechanics, MockExperiment,
-    Neighbourhood, Places, Sight, Softening, State, Subsets, gauged, load_response, predict,
+    Neighbourhood, Places, PointSet, Softening, State, Subsets, gauged, load_response, predict,
     predict_with_gradient, sensitivity,
 };
 use plychain::fem::Bump;
@@ -64,7 +64,7 @@ fn a_field_is_one_over_thickness_and_moduli_where_every_effect_says_so() {
         let sight = experiment.support();
         for effect in EFFECTS {
             if matches!(effect.kind(), Kind::Additive | Kind::Recorded)
-                || effect.obstacle(experiment.scene()).is_some()
+                || effect.why_not(experiment.scene()).is_some()
             {
                 continue;
             }
@@ -176,7 +176,7 @@ fn the_mock_field_is_compatible_and_continued_exactly() {
     let experiment = &experiments()[0];
     let state = State::new(&CONSTANTS, 0.78);
     let points = [[1.3, -2.0], [7.0, 7.5], [-3.1, 0.2]];
-    let sight = Sight::anywhere(&points, &[]);
+    let sight = PointSet::anywhere(&points, &[]);
     let at_support = experiment
         .look(&state, experiment.support(), false)
         .unwrap();
@@ -188,7 +188,7 @@ fn the_mock_field_is_compatible_and_continued_exactly() {
             let at = |by: f64| {
                 let mut q = *p;
                 q[axis] += by;
-                let there = Sight::anywhere(&[q], &[]);
+                let there = PointSet::anywhere(&[q], &[]);
                 experiment.look(&state, &there, false).unwrap().displacement[0]
             };
             let (high, low) = (at(1e-3), at(-1e-3));

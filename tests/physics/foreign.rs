@@ -3,7 +3,7 @@
 
 use std::path::Path;
 
-use plychain::experiment::{Gauge, Sight, gauged};
+use plychain::experiment::{Gauge, PointSet, gauged};
 use plychain::fem::{Locator, Plate, end_forces};
 use plychain::field::Grid;
 use plychain::field::matrices::write_matrices;
@@ -135,7 +135,7 @@ fn measured_with(stiffness: &dyn Fn([f64; 2]) -> f64, culprit: &Culprit, seed: u
     }
     let at: Vec<[f64; 2]> = kept.iter().map(|(i, _)| places[*i]).collect();
     let u: Vec<[f64; 2]> = kept.iter().map(|(_, u)| *u).collect();
-    let u = gauged(Gauge::Window, &Sight::anywhere(&at, &[]), &u);
+    let u = gauged(Gauge::Window, &PointSet::anywhere(&at, &[]), &u);
     let mut rng = Pcg64Dxsm::seed_from_u64(seed);
     let mut noise = || -> f64 {
         let z: f64 = StandardNormal.sample(&mut rng);

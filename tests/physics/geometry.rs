@@ -235,14 +235,14 @@ fn effects_on_a_hole_need_one() {
     assert!(
         EFFECTS
             .iter()
-            .all(|e| !e.name().starts_with("hole") || e.obstacle(&scene).is_none())
+            .all(|e| !e.name().starts_with("hole") || e.why_not(&scene).is_none())
     );
     let mut plain = scene.clone();
     plain.setup = setup(&specimens()[0]);
     for name in ["hole_size", "hole_offset", "hole_edge_damage"] {
         let effect = effect::find("test", name).unwrap();
         assert!(
-            effect.obstacle(&plain).unwrap().contains("no hole"),
+            effect.why_not(&plain).unwrap().contains("no hole"),
             "{name}"
         );
     }

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use plychain::effect::{EFFECTS, Effect, obstacle};
+use plychain::effect::{EFFECTS, Effect, why_not};
 use plychain::infer::Model;
 use plychain::laminate::{Membrane, abd};
 use plychain::trace::Status;
@@ -67,12 +67,12 @@ fn layups_without_such_plies_have_no_such_effects() {
         (&[45.0, 0.0][..], [false, true, false]),
     ] {
         let scene = with(layup);
-        let found = names.map(|name| obstacle(effect(name), &scene).is_none());
+        let found = names.map(|name| why_not(effect(name), &scene).is_none());
         assert_eq!(found, can, "{layup:?}");
     }
     let steel = Model::load(Path::new(&model("steel-s235.json"))).unwrap();
     let scene = steel.scene();
-    assert!(names.iter().all(|n| obstacle(effect(n), &scene).is_some()));
+    assert!(names.iter().all(|n| why_not(effect(n), &scene).is_some()));
 }
 
 /// [43, -43, 0]s declared as [45, -45, 0]s, under little noise: never sure with a constant that is far off.

@@ -5,7 +5,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use plychain::effect::{EFFECTS, Scope, force_scale, obstacle};
+use plychain::effect::{EFFECTS, Scope, force_scale, why_not};
 use plychain::experiment::series::SeriesState;
 use plychain::field::rigid::RigidMotion;
 use plychain::field::step::CLASS_1_SD_PERCENT;
@@ -169,7 +169,7 @@ fn acting_loads(name: &str, amplitude: f64, declared: &[f64]) -> Vec<f64> {
         shifts: Vec::new(),
     };
     let scene = model.scene();
-    assert!(obstacle(effect, &scene).is_none(), "{name}");
+    assert!(why_not(effect, &scene).is_none(), "{name}");
     state
         .raised(effect, 0, amplitude, &effect.over_steps(declared))
         .acting_loads(&scene)
@@ -200,7 +200,7 @@ fn one_load_has_no_error_of_its_own() {
     let errors = || EFFECTS.iter().filter(|e| e.scope() == Scope::Force);
     assert!(errors().count() > 4);
     for effect in errors() {
-        assert!(obstacle(*effect, &scene).is_some(), "{}", effect.name());
+        assert!(why_not(*effect, &scene).is_some(), "{}", effect.name());
     }
     let (sought, left_out) = candidates(&single);
     let is_error = |name: &str| errors().any(|e| e.name() == name);

@@ -6,7 +6,7 @@ use crate::common::article;
 use nalgebra::{Matrix3, Vector3};
 use plychain::effect::limit::alter_checked;
 use plychain::effect::{self, Acting, EFFECTS, Effect, EffectParameter, Entry, Kind, Scene};
-use plychain::experiment::{Gauge, Sight, State, gauged, predict};
+use plychain::experiment::{Gauge, PointSet, State, gauged, predict};
 use plychain::fem::{Locator, Plate, Setup, end_forces};
 use plychain::field::matrices;
 use plychain::field::{Axis, Frame};
@@ -46,7 +46,7 @@ fn mechanical() -> impl Iterator<Item = &'static dyn Effect> {
     EFFECTS
         .iter()
         .copied()
-        .filter(move |e| e.kind() == Kind::Mechanical && e.obstacle(&scene).is_none())
+        .filter(move |e| e.kind() == Kind::Mechanical && e.why_not(&scene).is_none())
 }
 
 fn solve(plate: &Plate, setup: &Setup, points: &[[f64; 2]]) -> Field {
@@ -447,9 +447,9 @@ fn an_isotropic_plate_has_no_effects_of_its_plies() {
     let mut scene = small_problem().experiment.scene().clone();
     for name in ["ply_misorientation", "shear_nonlinearity"] {
         let effect = effect::find("test", name).unwrap();
-        assert!(effect.obstacle(&scene).is_none());
+        assert!(effect.why_not(&scene).is_none());
         scene.material = Material::Isotropic;
-        assert!(effect.obstacle(&scene).is_some());
+        assert!(effect.why_not(&scene).is_some());
         scene.material = Material::Ply;
     }
 }
@@ -519,7 +519,7 @@ fn predictions_see_the_altered_plate_through_the_optics() {
             .collect();
         let places: Vec<[f64; 2]> = seen.iter().map(|&k| reported[k]).collect();
         let found: Field = seen.iter().map(|&k| predicted[k]).collect();
-        let window = Sight::anywhere(&places, &[]);
+        let window = PointSet::anywhere(&places, &[]);
         let [found, expected] = [found, expected].map(|u| gauged(Gauge::Window, &window, &u));
         let error = largest(&combine(1.0, &found, -1.0, &expected)) / largest(&expected);
         assert!(error < 1e-9, "{size} {shift}: {error:e}");

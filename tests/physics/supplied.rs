@@ -8,7 +8,7 @@ use std::process::Command;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use plychain::experiment::{Sight, predict};
+use plychain::experiment::{PointSet, predict};
 use plychain::infer::{Model, problem_within};
 use plychain::reduce::SuppliedSpec;
 use rand::{RngExt, SeedableRng};
@@ -77,7 +77,7 @@ impl Bench {
             let field = predict(experiment, &problem.state(&point), &sight)
                 .unwrap()
                 .field;
-            let place = |sight: &Sight| -> Vec<[f64; 2]> {
+            let place = |sight: &PointSet| -> Vec<[f64; 2]> {
                 let moved = |p: &[f64; 2]| {
                     let p = frame.vector(*p);
                     [p[0] + origin[0], p[1] + origin[1]]

@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use super::mistake::{Mistake, Shown, Void, is_another_size, mistakes};
 use super::{NATS, NATS_OF_SCALE};
-use crate::effect::{EFFECTS, Effect, Kind, obstacle};
+use crate::effect::{EFFECTS, Effect, Kind, why_not};
 use crate::error::Result;
 use crate::experiment::{FieldSolver, Gauge};
 use crate::field::blocks::one_a_tile;
@@ -236,7 +236,7 @@ fn candidates(model: &Model) -> Vec<&'static dyn Effect> {
     let may_act = |e: &&&'static dyn Effect| {
         let is_declared = model.effects.iter().any(|d| d.name() == e.name());
         let has_columns = e.kind() != Kind::Recorded && !e.is_of_every_test() && !e.yields();
-        !is_declared && has_columns && obstacle(**e, &scene).is_none()
+        !is_declared && has_columns && why_not(**e, &scene).is_none()
     };
     EFFECTS.iter().filter(may_act).copied().collect()
 }

@@ -1,6 +1,6 @@
 //! What an answer sums over: choices of the noise, of the effects that act, of the size of all others and of the near-edge rival's.
 
-use super::Supposing;
+use super::Scenario;
 use crate::error::Result;
 use crate::numeric::log_sum_exp;
 use crate::posterior::MixtureChoice;
@@ -76,14 +76,10 @@ fn place<T: PartialEq>(list: &mut Vec<T>, wanted: T) -> usize {
 pub(super) fn with_rival(
     evidence: &Evidence,
     wide: &Weighing,
-    supposing: Supposing,
+    supposing: Scenario,
 ) -> Result<AnswerChoices> {
     let sensitivities = &evidence.sensitivities;
-    let effects = if supposing == Supposing::All {
-        1.0
-    } else {
-        0.0
-    };
+    let effects = if supposing == Scenario::All { 1.0 } else { 0.0 };
     let sizes: &[f64] = if sensitivities.near_edge.is_empty() {
         &[0.0]
     } else {

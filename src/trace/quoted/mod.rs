@@ -11,7 +11,7 @@ pub use run::{Proposals, Quoted, quote, rule};
 
 /// What an answer supposes beside what is declared.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Supposing {
+pub enum Scenario {
     /// Others as small as the data say, or with their full prior sds where the evidence calls for it.
     Small,
     /// All effects of the dictionary with their full prior sds, and any change of stiffness beside the hole.
@@ -20,7 +20,7 @@ pub enum Supposing {
     None,
 }
 
-impl Supposing {
+impl Scenario {
     /// The name in files.
     pub fn key(self) -> &'static str {
         match self {

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use nalgebra::DVector;
 
-use super::Supposing;
+use super::Scenario;
 use super::choices::{AnswerChoices, likeliest, with_rival};
 use crate::error::Result;
 use crate::files::Keyed;
 use crate::infer::Model;
-use crate::posterior::{Composition, Posed, TestExpansion, Weighing, Whose};
+use crate::posterior::{Composition, LinearRole, Posed, TestExpansion, Weighing};
 use crate::sample::{LogDensity, NormalPart};
 use crate::trace::averaged::{Interval, MULTIPLES, unseen};
 use crate::trace::traced::Traced;
@@ -18,7 +18,7 @@ use crate::trace::traced::Traced;
 pub(super) struct PosedAnswer<'a> {
     pub posed: Posed,
     pub traced: &'a Traced,
-    pub supposing: Supposing,
+    pub supposing: Scenario,
     /// The constants by each of its parts in closed form: the first proposal.
     pub closed: Vec<NormalPart>,
 }
@@ -32,10 +32,10 @@ impl<'a> PosedAnswer<'a> {
         model: &Model,
         traced: &'a Traced,
         expanded: Arc<TestExpansion>,
-        supposing: Supposing,
+        supposing: Scenario,
     ) -> Result<Self> {
         let evidence = &traced.evidence;
-        let wide = (supposing != Supposing::Small).then(|| evidence.weighing.beyond_rival());
+        let wide = (supposing != Scenario::Small).then(|| evidence.weighing.beyond_rival());
         let weighing: &Weighing = wide.as_ref().unwrap_or(&evidence.weighing);
         let unseen = unseen(
             &evidence.weighing,
@@ -48,11 +48,13 @@ impl<'a> PosedAnswer<'a> {
             parts,
             closed,
         } = match supposing {
-            Supposing::Small => likeliest(evidence, weighing)?,
+            Scenario::Small => likeliest(evidence, weighing)?,
             _ => with_rival(evidence, weighing, supposing)?,
         };
-        let largest = |w: &Whose| match w {
-            Whose::Candidate(_) if supposing == Supposing::Small => MULTIPLES[MULTIPLES.len() - 1],
+        let largest = |w: &LinearRole| match w {
+            LinearRole::Candidate(_) if supposing == Scenario::Small => {
+                MULTIPLES[MULTIPLES.len() - 1]
+            }
             _ => 1.0,
         };
         let account = Composition {
@@ -93,30 +95,30 @@ impl<'a> PosedAnswer<'a> {
 fn kept(
     traced: &Traced,
     expanded: &TestExpansion,
-    supposing: Supposing,
+    supposing: Scenario,
     unseen: &[bool],
-) -> (Vec<usize>, Vec<Whose>) {
+) -> (Vec<usize>, Vec<LinearRole>) {
     let here = &expanded.here;
     let base = here.base.len() - here.constants;
-    let mut all: Vec<(usize, Whose)> = (0..base).map(|k| (k, Whose::Always)).collect();
+    let mut all: Vec<(usize, LinearRole)> = (0..base).map(|k| (k, LinearRole::Always)).collect();
     let mut next = base;
     for (candidate, c) in here.candidates.iter().enumerate() {
         for column in &c.columns {
             match supposing {
                 // where the specimen stands is nobody's account
-                Supposing::None if column.is_rigid() => all.push((next, Whose::Always)),
-                Supposing::None => {}
-                Supposing::Small if unseen.get(next - base) == Some(&true) => {
-                    all.push((next, Whose::Always));
+                Scenario::None if column.is_rigid() => all.push((next, LinearRole::Always)),
+                Scenario::None => {}
+                Scenario::Small if unseen.get(next - base) == Some(&true) => {
+                    all.push((next, LinearRole::Always));
                 }
-                _ => all.push((next, Whose::Candidate(candidate))),
+                _ => all.push((next, LinearRole::Candidate(candidate))),
             }
             next += 1;
         }
     }
-    if supposing != Supposing::Small {
+    if supposing != Scenario::Small {
         let rival = traced.evidence.sensitivities.near_edge.len();
-        all.extend((next..next + rival).map(|k| (k, Whose::Rival)));
+        all.extend((next..next + rival).map(|k| (k, LinearRole::Rival)));
     }
     all.into_iter().unzip()
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
-use super::Supposing;
+use super::Scenario;
 use super::pose::PosedAnswer;
 use super::variables::Completed;
 use crate::chain::Draws;
@@ -117,7 +117,7 @@ impl AnswerDraws {
 }
 
 /// How each answer is sampled: its chains have a place and a checkpoint of their own.
-type OptionsOf<'f, 'o> = dyn Fn(Supposing) -> Options<'o> + 'f;
+type OptionsOf<'f, 'o> = dyn Fn(Scenario) -> Options<'o> + 'f;
 
 /// Sample the posterior to quote of a loop's rounds, with the answers beside it where their account is `suspect`.
 ///
@@ -129,7 +129,7 @@ pub fn quote(
     options: &OptionsOf<'_, '_>,
     progress: &dyn Progress,
 ) -> Result<Quoted> {
-    let deadline = options(Supposing::Small).deadline;
+    let deadline = options(Scenario::Small).deadline;
     if deadline.is_some_and(|end| Instant::now() >= end) {
         return Err(Error::limit(
             "--time-limit",
@@ -137,7 +137,7 @@ pub fn quote(
         ));
     }
     let last = &rounds[rounds.len() - 1];
-    let all = [Supposing::Small, Supposing::All, Supposing::None];
+    let all = [Scenario::Small, Scenario::All, Scenario::None];
     let (own, others) = all.split_at(match rounds.len() {
         // all about the same round, of which one expansion serves
         1 if suspect => all.len(),
@@ -175,7 +175,7 @@ fn centre(round: &Round) -> Result<(LinearisationPoint, Option<Sensitivities>)> 
 /// Some answers of a round.
 fn sampled(
     round: &Round,
-    which: &[Supposing],
+    which: &[Scenario],
     options: &OptionsOf<'_, '_>,
     progress: &dyn Progress,
 ) -> Result<Vec<AnswerDraws>> {
@@ -195,7 +195,7 @@ fn sampled(
         fine: &fine,
         coarse: coarse.as_ref(),
         // answers beside the account may be as wide as the prior
-        is_wider: which.iter().any(|s| *s != Supposing::Small),
+        is_wider: which.iter().any(|s| *s != Scenario::Small),
         progress,
     };
     let expand = || meshes.expanded();
@@ -261,7 +261,7 @@ impl AnsweredTest<'_> {
     /// One answer; `of` are the bytes of the round.
     fn answer(
         &self,
-        supposing: Supposing,
+        supposing: Scenario,
         options: &Options<'_>,
         made_of: &[u8],
     ) -> Result<AnswerDraws> {
@@ -286,7 +286,7 @@ impl AnsweredTest<'_> {
         })
     }
 
-    fn sampled(&self, supposing: Supposing, options: &Options<'_>) -> Result<SampledAnswer> {
+    fn sampled(&self, supposing: Scenario, options: &Options<'_>) -> Result<SampledAnswer> {
         let RoundMeshes {
             round,
             fine,

@@ -1,6 +1,6 @@
 //! The variables of the quoted draws: what a file of them has, in border units.
 
-use super::Supposing;
+use super::Scenario;
 use super::pose::PosedAnswer;
 use crate::chain::Draws;
 use crate::error::Result;
@@ -63,7 +63,7 @@ impl PosedAnswer<'_> {
         let subsets = &self.traced.evidence.subsets;
         let draws = &draws.every(draws.len().div_ceil(MOST_COMPLETED))?;
         let points: Vec<Vec<f64>> = draws.points().map(<[f64]>::to_vec).collect();
-        let candidates = if self.supposing == Supposing::Small {
+        let candidates = if self.supposing == Scenario::Small {
             self.posed.expanded.here.candidates.len()
         } else {
             0
@@ -86,7 +86,7 @@ impl PosedAnswer<'_> {
             drawn: &found,
         };
         let mut importance = match self.supposing {
-            Supposing::Small => of.importance(full)?,
+            Scenario::Small => of.importance(full)?,
             _ => Importance::default(),
         };
         let by = of.correction(&importance);
@@ -114,7 +114,7 @@ impl PosedAnswer<'_> {
         let [first, second] = self.traced.evidence.weighing.noise.lengths_mm(pair);
         values.extend(&x[..n]);
         let size = match self.supposing {
-            Supposing::None => 0.0,
+            Scenario::None => 0.0,
             _ => drawn.choice.size,
         };
         values.extend([size, f64::from(pair.discrepancy), first, second]);
@@ -123,9 +123,9 @@ impl PosedAnswer<'_> {
             .zip(self.posed.amplitudes(&drawn.amplitudes));
         values.extend(amplitudes.map(|(c, a)| c.mean + c.sd * a));
         let acts = |k: usize| match self.supposing {
-            Supposing::Small => drawn.choice.own.contains(&k),
-            Supposing::All => true,
-            Supposing::None => false,
+            Scenario::Small => drawn.choice.own.contains(&k),
+            Scenario::All => true,
+            Scenario::None => false,
         };
         values.extend((0..here.candidates.len()).map(|k| f64::from(acts(k))));
     }

@@ -152,7 +152,7 @@ fn only_a_measured_edge_has_an_unknown_introduction() {
     let strip = ModelFile::load(model("openhole.json").as_ref()).unwrap();
     for name in effect::load_introductions(2).map(|e| e.name()) {
         let found = effect::find("test", name).unwrap();
-        let why = effect::obstacle(found, &strip.scene());
+        let why = effect::why_not(found, &strip.scene());
         assert!(
             why.is_some_and(|w| w.contains("mesh.load.spread")),
             "{why:?}"

@@ -107,7 +107,7 @@ fn effects_that_need_one_stack_are_left_out_where_there_are_more() {
         ..model.scene()
     };
     let reason = |scene: &effect::Scene, name: &str| {
-        effect::obstacle(effect::find("test", name).unwrap(), scene)
+        effect::why_not(effect::find("test", name).unwrap(), scene)
     };
     let thick = scene(
         holed_setup(&json!({ "tab": { "thickness_mm": 2.0 } })),

@@ -69,16 +69,16 @@ fn a_jump_adds_whole_orders_inside_its_disc() {
         };
         close(scene.frame.vector(u), expected, 1e-18, "jump");
     }
-    assert!(jump.fault(&amplitude).is_none());
-    assert!(jump.fault(&[0.5, 0.0, 0.0, 0.0, 3.0]).is_some());
-    assert!(jump.fault(&[1.0, 0.0, 0.0, 0.0, 0.0]).is_some());
+    assert!(jump.inadmissible(&amplitude).is_none());
+    assert!(jump.inadmissible(&[0.5, 0.0, 0.0, 0.0, 3.0]).is_some());
+    assert!(jump.inadmissible(&[1.0, 0.0, 0.0, 0.0, 0.0]).is_some());
 }
 
 #[test]
 fn effects_on_fringes_need_a_fringe_frequency() {
     for name in ["phase_shift_error", "fringe_order_jump"] {
         for (fringes, can) in [(FRINGES, true), (None, false)] {
-            let reason = effect(name).obstacle(&scene(Axis::X, &[0.0], fringes));
+            let reason = effect(name).why_not(&scene(Axis::X, &[0.0], fringes));
             assert_eq!(reason.is_none(), can, "{name}");
         }
     }
@@ -91,9 +91,9 @@ fn the_interpolation_of_grey_values_misreads_parts_of_pixels() {
     for axis in [Axis::X, Axis::Y] {
         let mut scene = scene(axis, &[0.0], None);
         let bias = effect("interpolation_bias");
-        assert!(bias.obstacle(&scene).unwrap().contains("pixel_mm"));
+        assert!(bias.why_not(&scene).unwrap().contains("pixel_mm"));
         scene.pixel_mm = Some(pixel);
-        assert!(bias.obstacle(&scene).is_none());
+        assert!(bias.why_not(&scene).is_none());
         let acting = [Acting {
             effect: bias,
             amplitude: vec![0.02],

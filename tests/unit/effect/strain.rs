@@ -69,9 +69,9 @@ fn thermal_strain_is_the_laminates_expansion() {
     );
     let mut unknown = scene.clone();
     unknown.expansion_per_k = None;
-    let reason = effect("thermal_strain").obstacle(&unknown).unwrap();
+    let reason = effect("thermal_strain").why_not(&unknown).unwrap();
     assert!(reason.contains("expansion_per_K"));
-    assert!(effect("thermal_strain").obstacle(&scene).is_none());
+    assert!(effect("thermal_strain").why_not(&scene).is_none());
 }
 
 /// Strains (e1, e2, gamma12) of an additive effect by central differences, exact for quadratic fields.

@@ -4,8 +4,8 @@ use nalgebra::{DMatrix, DVector};
 
 use plychain::laminate::Material;
 use plychain::posterior::{
-    ConstantsPrior, GivenChoice, Inclusion, MeanSurface, MixtureChoice, PosteriorDensity, Ratios,
-    Space, Whose, birth_or_death,
+    ConstantsPrior, GivenChoice, Inclusion, LinearRole, MeanSurface, MixtureChoice,
+    PosteriorDensity, Ratios, Space, birth_or_death,
 };
 use plychain::sample::Key;
 use plychain::sample::Stream;
@@ -35,8 +35,8 @@ fn toy() -> Toy {
         0,
         0,
     );
-    let whose = [0, 1, 1, 2, 2].map(Whose::Candidate);
-    let whose: Vec<Whose> = std::iter::once(Whose::Always).chain(whose).collect();
+    let whose = [0, 1, 1, 2, 2].map(LinearRole::Candidate);
+    let whose: Vec<LinearRole> = std::iter::once(LinearRole::Always).chain(whose).collect();
     let largest = DVector::from_vec(vec![1.0, 3.0, 3.0, 3.0, 3.0, 3.0]);
     let x = scattered(&mut rng, 20, COLUMNS) * 3.0;
     let y = &x * DVector::from_vec(vec![0.5, 0.3, -0.2, 0.1, 1.5, -1.0])
