@@ -60,7 +60,7 @@ pub fn replace_by(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>)
 ///
 /// # Errors
 /// Those of `write`.
-pub fn together(write: impl FnOnce(&mut Vec<PathBuf>) -> Result<()>) -> Result<()> {
+pub fn all_or_none(write: impl FnOnce(&mut Vec<PathBuf>) -> Result<()>) -> Result<()> {
     let mut written = Vec::new();
     write(&mut written).inspect_err(|_| {
         // the error that led here is what counts

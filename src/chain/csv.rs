@@ -56,7 +56,9 @@ fn write_chains(
 /// The input's fault (with the path) if a file cannot be written.
 pub fn write_stan(chains: &dyn Chains, stem: &Path) -> Result<()> {
     let header = |number: usize, out: &mut dyn Write| header(chains.names(), number, out);
-    files::together(|written| write_ensembles((chains, stem, "csv"), header, write_chain, written))
+    files::all_or_none(|written| {
+        write_ensembles((chains, stem, "csv"), header, write_chain, written)
+    })
 }
 
 /// Writes a file `STEM_1.ENDING`, `STEM_2.ENDING`, ... of each ensemble, its walkers one after the other.

@@ -35,7 +35,7 @@ pub fn write_getdist(chains: &dyn Chains, root: &Path) -> Result<()> {
         };
         let _ = writeln!(ranges, "{plain} {low} N");
     }
-    files::together(|written| {
+    files::all_or_none(|written| {
         write_ensembles((chains, root, "txt"), |_, _| Ok(()), write_chain, written)?;
         for (ending, text) in [(".paramnames", names), (".ranges", ranges)] {
             let path = beside(root, ending);

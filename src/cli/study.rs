@@ -11,7 +11,7 @@ use crate::diagnose::Verdict;
 use crate::error::Result;
 use crate::files;
 use crate::identify::{Identification, Options};
-use crate::infer::{Known, Model, Moments};
+use crate::infer::{ConstantsLikelihood, Model, Moments};
 use crate::progress::{Progress, StageCost};
 use crate::report::manifest::{KnownTruth, Manifest};
 use crate::report::study::{StudyReport, page};
@@ -58,7 +58,7 @@ pub fn identify(plan: RunPlan, console: &Console) -> Result<()> {
     }
     let each = each_alone(&plan, console)?;
     let priors = shared.priors();
-    let said: Vec<&Known> = each.iter().map(|a| &a.said).collect();
+    let said: Vec<&ConstantsLikelihood> = each.iter().map(|a| &a.said).collect();
     let moments = each.iter().map(|a| (a.name.clone(), a.moments.clone()));
     let together = Disagreement::new(moments.collect(), &said, (&priors, &shared.moduli()));
     let about = study::others(&said, None).and_then(|known| known.moments());
@@ -249,9 +249,9 @@ pub fn know(run: &Path, study: &Study, model: &mut Model) -> Result<()> {
         let place = run.join(ALONE).join(experiment.name());
         let draws = read_zarr(&place.join("chain.zarr"), None)?;
         let moments = Moments::of(draws.points(), priors.len());
-        said.push(study::said(&moments, &priors)?);
+        said.push(study::likelihood_beyond_prior(&moments, &priors)?);
     }
-    let all: Vec<&Known> = said.iter().collect();
+    let all: Vec<&ConstantsLikelihood> = said.iter().collect();
     model.known = study::others(&all, None).map(Arc::new);
     Ok(())
 }

@@ -480,8 +480,8 @@ impl Spanning for FieldExperiment {
         self.plate.coordinates(&setup, &ply)
     }
 
-    fn rest(&self) {
-        self.plate.rest();
+    fn drop_caches(&self) {
+        self.plate.drop_caches();
     }
 }
 

@@ -216,7 +216,7 @@ pub trait Spanning: Send + Sync {
     }
 
     /// Free what is kept between predictions.
-    fn rest(&self) {}
+    fn drop_caches(&self) {}
 }
 
 /// A specimen whose field can be predicted and reduced.

@@ -275,7 +275,7 @@ impl Plate {
     }
 
     /// Free the work spaces of factorisations that are over.
-    pub fn rest(&self) {
+    pub fn drop_caches(&self) {
         self.pool.clear();
     }
 }

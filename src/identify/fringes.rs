@@ -4,7 +4,7 @@
 //! A ripple at twice the fringe frequency averages to nothing over a block, so that block averages know nothing of it; and
 //! differences of neighbouring pixels would take it for noise. It is therefore taken out before the noise is estimated.
 
-use super::reduction::With;
+use super::reduction::ReductionInput;
 use super::{jumps, phase};
 use crate::effect::{Effect, RecordingError, amplitude_name, of_recording, recorded_column};
 use crate::error::Result;
@@ -16,7 +16,10 @@ use crate::quantity::NM_PER_MM;
 
 /// The observation with its miscounted orders corrected, if the model declares them: regions of whole orders relative to the prediction
 /// at the nominal point.
-pub fn without_jumps(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
+pub fn without_jumps(
+    with: &ReductionInput<'_>,
+    mut observation: Observation,
+) -> Result<Observation> {
     let declared = declared(with.model, RecordingError::MiscountedOrders);
     let Some((order_mm, _)) = order_mm(with.model).zip(declared) else {
         return Ok(observation);
@@ -31,7 +34,10 @@ pub fn without_jumps(with: &With<'_>, mut observation: Observation) -> Result<Ob
 
 /// The observation with its phase-shift error estimated and subtracted, if the model declares it. The argument of the ripple is the
 /// least-squares fit of the modes and any affine displacement, with a plane a block through what that leaves.
-pub fn without_phase_error(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
+pub fn without_phase_error(
+    with: &ReductionInput<'_>,
+    mut observation: Observation,
+) -> Result<Observation> {
     let model = with.model;
     let Some((order_mm, effect)) =
         order_mm(model).zip(declared(model, RecordingError::PhaseRipple))

@@ -123,7 +123,7 @@ pub(super) fn inverse_problem_kept(
         reference_nm: noise.reference_nm(),
     };
     let (about, posed) = look.posed(model, test, &point)?;
-    prepared.problem.experiment.rest();
+    prepared.problem.experiment.drop_caches();
     drop((fine, everywhere, few));
     Ok(InverseProblem {
         prepared,

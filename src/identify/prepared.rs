@@ -17,7 +17,7 @@ use crate::reduce::{Problem, design};
 use super::fields::modes;
 use super::fringes::{without_jumps, without_phase_error};
 use super::own_rotation::own_rotation;
-use super::reduction::{Reduction, With};
+use super::reduction::{Reduction, ReductionInput};
 
 /// The specimen that is to be solved and the measurement it is held against.
 #[derive(Clone)]
@@ -170,7 +170,7 @@ pub fn prepare_from(
     progress.begin("reduced basis of the finite elements", None);
     experiment.span(&states)?;
     progress.end();
-    let with = With {
+    let with = ReductionInput {
         model,
         experiment,
         states: &states,
@@ -191,7 +191,10 @@ pub fn prepare_from(
 const REDUCTIONS: [Reduction; 3] = [without_jumps, without_deviant_points, without_phase_error];
 
 /// Drop points that lie far from what the specimen can show, where the measurement asks for it.
-fn without_deviant_points(with: &With<'_>, mut observation: Observation) -> Result<Observation> {
+fn without_deviant_points(
+    with: &ReductionInput<'_>,
+    mut observation: Observation,
+) -> Result<Observation> {
     if with.model.experiment().measurement.outliers == OutlierRule::Reject {
         let modes = with.modes(&observation)?;
         observation.drop_deviant_points(&modes);

@@ -6,7 +6,7 @@ use crate::experiment::{FieldSolver, State};
 use crate::infer::{Model, Observation};
 
 /// What an observation is reduced with.
-pub struct With<'a> {
+pub struct ReductionInput<'a> {
     pub model: &'a Model,
     pub experiment: &'a dyn FieldSolver,
     /// States spread over the box of the constants, and the one nearest to the prior means.
@@ -14,7 +14,7 @@ pub struct With<'a> {
     pub nominal: State,
 }
 
-impl With<'_> {
+impl ReductionInput<'_> {
     /// What the constants can make of the points of an observation.
     ///
     /// # Errors
@@ -25,4 +25,4 @@ impl With<'_> {
 }
 
 /// Takes an observation and returns it without what no model of the specimen explains.
-pub type Reduction = fn(&With<'_>, Observation) -> Result<Observation>;
+pub type Reduction = fn(&ReductionInput<'_>, Observation) -> Result<Observation>;

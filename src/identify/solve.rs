@@ -381,7 +381,7 @@ fn against_elements(
         progress.say(&format!("{name} {shift:+.2} +- {error:.2} sd"));
     }
     progress.end();
-    prepared.problem.experiment.rest();
+    prepared.problem.experiment.drop_caches();
     Ok(importance)
 }
 

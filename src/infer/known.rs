@@ -9,7 +9,7 @@ use super::tension::Moments;
 
 /// A likelihood of the constants, normal, without their prior: exp(-d'A d / 2 + b'd) of distances d from the prior means in prior sds.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Known {
+pub struct ConstantsLikelihood {
     /// A.
     pub precision: DMatrix<f64>,
     /// b.
@@ -18,7 +18,7 @@ pub struct Known {
     scales: Vec<[f64; 2]>,
 }
 
-impl Known {
+impl ConstantsLikelihood {
     /// What a posterior of this mean and covariance (border units) says beyond the constants' prior: its precision less the prior's, where
     /// it is not smaller. An experiment that says nothing of a direction leaves the prior there.
     ///

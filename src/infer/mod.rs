@@ -22,7 +22,7 @@ pub use experiment::{
     coarse_experiment, experiment_over, moved_experiment_over, problem_of, problem_within,
 };
 pub use joint::{GivenLinear, Joint, Member};
-pub use known::Known;
+pub use known::ConstantsLikelihood;
 pub use model::{FREE_MM, Model};
 pub use observation::{Observation, RecordedAmplitude};
 pub use prior::{Marginal, PriorSpec};

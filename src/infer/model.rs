@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::known::Known;
+use super::known::ConstantsLikelihood;
 use super::prior::Marginal;
 use super::schema::{ExperimentEntry, ModelFile, ModelOutline};
 use crate::effect::{Acting, Effect, Scene, amplitude_name, why_not};
@@ -23,7 +23,7 @@ pub struct Model {
     /// Declared effects, in the order of the dictionary.
     pub effects: Vec<&'static dyn Effect>,
     /// What experiments beside the field say of the constants.
-    pub known: Option<Arc<Known>>,
+    pub known: Option<Arc<ConstantsLikelihood>>,
     /// Constants with which the specimen is bent out of its plane and expands, border units: the best known so far; the prior's means where
     /// there are none.
     pub nominal: Option<Vec<f64>>,

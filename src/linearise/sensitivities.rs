@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use super::column::{Column, StepStack};
 use crate::effect::Effect;
 use crate::experiment::series::Law;
-use crate::infer::Known;
+use crate::infer::ConstantsLikelihood;
 
 /// An effect that the model lacks, or might.
 #[derive(Clone, Serialize, Deserialize)]
@@ -37,7 +37,7 @@ pub struct Sensitivities {
     /// effect is a candidate.
     pub near_edge: Vec<StepStack>,
     /// What experiments beside the field say of the constants.
-    pub known: Option<Arc<Known>>,
+    pub known: Option<Arc<ConstantsLikelihood>>,
 }
 
 impl Sensitivities {

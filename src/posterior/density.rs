@@ -12,7 +12,7 @@ use super::evidence::{Compiled, PlacesOf, log_evidences};
 use super::space::Space;
 use super::surface::MeanSurface;
 use crate::error::Result;
-use crate::infer::{Known, Marginal};
+use crate::infer::{ConstantsLikelihood, Marginal};
 use crate::laminate::Material;
 use crate::numeric::log_sum_exp;
 use crate::parameter;
@@ -50,7 +50,7 @@ pub struct ConstantsPrior {
     /// Border units.
     pub marginals: Vec<Marginal>,
     /// What other experiments say of them.
-    pub known: Option<Arc<Known>>,
+    pub known: Option<Arc<ConstantsLikelihood>>,
 }
 
 /// The noise of a point as a parameter, with the prior 1 / noise.

@@ -7,7 +7,7 @@ use nalgebra::{DMatrix, DVector};
 use super::by_component::{ComponentNoise, LENGTHS, TRACED};
 use super::noise_choices::{NoiseChoices, NoisePair, with_data};
 use crate::error::{Error, Result};
-use crate::infer::Known;
+use crate::infer::ConstantsLikelihood;
 use crate::linearise::{Measured, Sensitivities, StepStack};
 use crate::noise::NormalEquations;
 use crate::noise::series::{settings, steps};
@@ -21,7 +21,7 @@ pub struct Weighing {
     /// Number of base columns, which come first, before those of the candidates and of the near-edge rival.
     base: usize,
     /// What experiments beside the field say of the constants, which are the first columns.
-    known: Option<Arc<Known>>,
+    known: Option<Arc<ConstantsLikelihood>>,
 }
 
 /// The choices for the sensitivities' columns over blocks; `step` is called [`Weighing::steps`] times.

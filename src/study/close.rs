@@ -3,11 +3,11 @@
 
 use std::sync::Arc;
 
-use super::together::{Alone, others, said};
+use super::together::{Alone, likelihood_beyond_prior, others};
 use super::{Disagreement, Observed, Study, Undeclared, WORTH};
 use crate::error::Result;
 use crate::identify::Options;
-use crate::infer::{Known, Marginal, Model, Moments};
+use crate::infer::{ConstantsLikelihood, Marginal, Model, Moments};
 use crate::progress::Progress;
 use crate::trace::{self, Closed, LoopStage, Round};
 
@@ -99,7 +99,7 @@ pub fn close<'o>(
 
 impl LoopState<'_, '_> {
     fn together(&self) -> Disagreement {
-        let said: Vec<&Known> = self.alone.iter().map(|a| &a.said).collect();
+        let said: Vec<&ConstantsLikelihood> = self.alone.iter().map(|a| &a.said).collect();
         let moments = |a: &Alone| (a.name.clone(), a.moments.clone());
         let alone = self.alone.iter().map(moments).collect();
         let mut together =
@@ -112,7 +112,7 @@ impl LoopState<'_, '_> {
     }
 
     /// What all others say of the constants; of a common factor of the moduli only those whose specimen and load cell are others.
-    fn others(&self, k: usize) -> Option<Known> {
+    fn others(&self, k: usize) -> Option<ConstantsLikelihood> {
         let own = self.study.experiments[k].owners();
         let moduli = self.study.shared().moduli();
         let one = |(e, alone): (usize, &Alone)| {
@@ -122,7 +122,7 @@ impl LoopState<'_, '_> {
                 false => alone.said.clone(),
             }
         };
-        let said: Vec<Known> = self.alone.iter().enumerate().map(one).collect();
+        let said: Vec<ConstantsLikelihood> = self.alone.iter().enumerate().map(one).collect();
         others(&said.iter().collect::<Vec<_>>(), Some(k))
     }
 
@@ -197,7 +197,7 @@ impl LoopState<'_, '_> {
     }
 
     fn say(&mut self, k: usize, moments: Moments) -> Result<()> {
-        self.alone[k].said = said(&moments, &self.priors)?;
+        self.alone[k].said = likelihood_beyond_prior(&moments, &self.priors)?;
         self.alone[k].moments = moments;
         Ok(())
     }

@@ -22,7 +22,7 @@ use crate::error::{Error, Result};
 use crate::experiment::check_name;
 use crate::files::unique;
 use crate::identify::Options;
-use crate::infer::{ExperimentEntry, Known, Member, ModelOutline};
+use crate::infer::{ConstantsLikelihood, ExperimentEntry, Member, ModelOutline};
 use crate::progress::Progress;
 use crate::sample::{DensityError, LogDensity};
 use crate::section::{Table, TableCell, row};
@@ -222,9 +222,9 @@ impl Observed for ObservedScalar {
     }
 
     /// N(y - a'm; 0, s^2 + a'C a + tau^2) over the same without tau, with m and C what all others say of the constants.
-    fn undeclared(&self, _mean: &[f64], others: Option<&Known>) -> Vec<Undeclared> {
+    fn undeclared(&self, _mean: &[f64], others: Option<&ConstantsLikelihood>) -> Vec<Undeclared> {
         let Some(others) = others
-            .and_then(Known::moments)
+            .and_then(ConstantsLikelihood::moments)
             .filter(|_| !self.spec.has_offset())
         else {
             return Vec::new();

@@ -20,14 +20,14 @@ pub use field::MeasuredField;
 pub use file::Study;
 pub use section::{ExperimentSection, SectionMap, undeclared_table};
 pub use together::{
-    Alone, Disagreement, Exact, PairTension, SampledStudy, alone, identified, others, said,
-    sampled, sections, tensions,
+    Alone, Disagreement, Exact, PairTension, SampledStudy, alone, identified,
+    likelihood_beyond_prior, others, sampled, sections, tensions,
 };
 
 use crate::chain::Draws;
 use crate::error::{Error, Result};
 use crate::identify::{Identification, Options};
-use crate::infer::{ExperimentEntry, Known, Marginal, Member, Model, ModelOutline};
+use crate::infer::{ConstantsLikelihood, ExperimentEntry, Marginal, Member, Model, ModelOutline};
 use crate::laminate::Material;
 use crate::progress::Progress;
 use crate::trace::Information;
@@ -150,7 +150,7 @@ pub trait Observed: Send + Sync {
     }
 
     /// What may act in it that nobody declared, about the mean of its parameters; `others` is what all other experiments say of the constants.
-    fn undeclared(&self, _mean: &[f64], _others: Option<&Known>) -> Vec<Undeclared> {
+    fn undeclared(&self, _mean: &[f64], _others: Option<&ConstantsLikelihood>) -> Vec<Undeclared> {
         Vec::new()
     }
 

@@ -8,7 +8,7 @@ use crate::chain::Draws;
 use crate::diagnose::{Rule, Verdict, diagnose, weigh};
 use crate::error::{Error, Result};
 use crate::identify::{Identification, Options, redrawn};
-use crate::infer::{Joint, Known, Marginal, Member, Moments, Tension};
+use crate::infer::{ConstantsLikelihood, Joint, Marginal, Member, Moments, Tension};
 use crate::numeric::diagonal;
 use crate::parameter::is_modulus;
 use crate::progress::Progress;
@@ -21,7 +21,7 @@ pub struct Alone {
     /// Of the constants.
     pub moments: Moments,
     /// The same without the constants' prior, as a normal likelihood.
-    pub said: Known,
+    pub said: ConstantsLikelihood,
     /// The posterior, unless the experiment samples its own.
     pub sampled: Option<SampledStudy>,
 }
@@ -129,7 +129,7 @@ impl Alone {
         let moments = Moments::of(own.points(), n);
         Ok(Self {
             name: name.into(),
-            said: said(&moments, &shared.priors())?,
+            said: likelihood_beyond_prior(&moments, &shared.priors())?,
             observed,
             moments,
             sampled,
@@ -166,14 +166,17 @@ pub type PriorsOf<'a> = (&'a [Marginal], &'a [bool]);
 ///
 /// # Errors
 /// Of the program: draws that do not vary.
-pub fn said(moments: &Moments, priors: &[Marginal]) -> Result<Known> {
+pub fn likelihood_beyond_prior(
+    moments: &Moments,
+    priors: &[Marginal],
+) -> Result<ConstantsLikelihood> {
     let mean: Vec<f64> = moments.mean.iter().copied().collect();
-    let known = Known::beyond_prior(&mean, &moments.covariance, priors);
+    let known = ConstantsLikelihood::beyond_prior(&mean, &moments.covariance, priors);
     known.ok_or_else(|| Error::program("study", "draws that vary"))
 }
 
 /// What all experiments but one say together.
-pub fn others(said: &[&Known], except: Option<usize>) -> Option<Known> {
+pub fn others(said: &[&ConstantsLikelihood], except: Option<usize>) -> Option<ConstantsLikelihood> {
     let all = said.iter().enumerate().filter(|(k, _)| Some(*k) != except);
     all.map(|(_, known)| (*known).clone())
         .reduce(|sum, known| sum.and(&known))
@@ -182,7 +185,7 @@ pub fn others(said: &[&Known], except: Option<usize>) -> Option<Known> {
 /// How far every two experiments disagree, and, where there are more than two, each and all others.
 pub fn tensions(
     alone: &[(String, Moments)],
-    said: &[&Known],
+    said: &[&ConstantsLikelihood],
     (priors, moduli): PriorsOf<'_>,
 ) -> Vec<PairTension> {
     let mut all = Vec::new();
@@ -212,7 +215,11 @@ pub fn tensions(
 
 impl Disagreement {
     /// What some experiments say alone and how far they disagree; of sections nothing yet.
-    pub fn new(alone: Vec<(String, Moments)>, said: &[&Known], of: PriorsOf<'_>) -> Self {
+    pub fn new(
+        alone: Vec<(String, Moments)>,
+        said: &[&ConstantsLikelihood],
+        of: PriorsOf<'_>,
+    ) -> Self {
         let rest = others(said, Some(0)).and_then(|known| known.moments());
         let first = alone.first().zip(rest.as_ref());
         Self {

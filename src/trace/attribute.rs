@@ -12,7 +12,7 @@ use super::patched::{PatchedData, patches};
 use super::patches::Patches;
 use super::recording;
 use super::stiffness::stiffness_field;
-use super::traced::Traced;
+use super::traced::LinearisedEvidence;
 use super::tracing::{FoundApart, Tracing, leaves_structure};
 use crate::effect::Effect;
 use crate::error::Result;
@@ -36,7 +36,7 @@ pub fn attribute(
     inverse: &InverseProblem,
     wanted: &dyn Fn(&str) -> bool,
     progress: &dyn Progress,
-) -> Result<(Tracing, Traced)> {
+) -> Result<(Tracing, LinearisedEvidence)> {
     let kept = KeptStages::default();
     attribute_kept((model, inverse), wanted, &kept, progress)
 }
@@ -50,7 +50,7 @@ pub(super) fn attribute_kept(
     wanted: &dyn Fn(&str) -> bool,
     kept: &KeptStages,
     progress: &dyn Progress,
-) -> Result<(Tracing, Traced)> {
+) -> Result<(Tracing, LinearisedEvidence)> {
     let (_, left_out) = candidates(model);
     let step = || progress.step();
     let tracer = Tracer {
@@ -95,7 +95,7 @@ impl Tracer<'_> {
         begun: &SeriesState,
         sought: Vec<EffectUnderLaw>,
         left_out: Insoluble,
-    ) -> Result<(Tracing, Traced)> {
+    ) -> Result<(Tracing, LinearisedEvidence)> {
         if self.inverse.prepared.observation.steps.is_some() {
             return self.series(begun, sought, left_out);
         }
@@ -108,7 +108,7 @@ impl Tracer<'_> {
         begun: &SeriesState,
         sought: Vec<EffectUnderLaw>,
         left_out: Insoluble,
-    ) -> Result<(Tracing, Traced)> {
+    ) -> Result<(Tracing, LinearisedEvidence)> {
         let (model, prepared) = (self.forward.model, &self.inverse.prepared);
         let own = &prepared.observation.field;
         self.progress
@@ -153,9 +153,9 @@ impl Tracer<'_> {
         begun: &SeriesState,
         sought: Vec<EffectUnderLaw>,
         left_out: Insoluble,
-    ) -> Result<(Tracing, Traced)> {
+    ) -> Result<(Tracing, LinearisedEvidence)> {
         let traced = self.converged(begun, &sought)?;
-        let Traced { evidence, point } = &traced;
+        let LinearisedEvidence { evidence, point } = &traced;
         let stiffness = match leaves_structure(evidence.subsets.discrepancy) {
             true => {
                 let of = traced.made_of(self.forward.model);
@@ -188,7 +188,7 @@ impl Tracer<'_> {
     }
 
     /// Patches of what is left of a series.
-    fn patches(&self, traced: &Traced) -> Result<Patches> {
+    fn patches(&self, traced: &LinearisedEvidence) -> Result<Patches> {
         let observation = &self.inverse.prepared.observation;
         let names = observation.steps.as_ref().map_or(&[][..], |s| &s.names[..]);
         let expected = self.inverse.prepared.predict(&traced.point.state.shared)?;
@@ -209,7 +209,7 @@ impl Tracer<'_> {
         field: &Field,
         begun: &SeriesState,
         sought: &[EffectUnderLaw],
-    ) -> Result<Traced> {
+    ) -> Result<LinearisedEvidence> {
         let measured = blocks_of(&self.inverse.prepared, field);
         let Forward { model, step, .. } = *self.forward;
         Tracer {
@@ -222,7 +222,11 @@ impl Tracer<'_> {
     }
 
     /// What was measured, linearised and weighed about its likeliest account.
-    fn converged(&self, begun: &SeriesState, sought: &[EffectUnderLaw]) -> Result<Traced> {
+    fn converged(
+        &self,
+        begun: &SeriesState,
+        sought: &[EffectUnderLaw],
+    ) -> Result<LinearisedEvidence> {
         let InverseProblem {
             point,
             sensitivities,
@@ -249,6 +253,6 @@ impl Tracer<'_> {
             taken: None,
         };
         let (evidence, point) = search.converged(about, is_same.then(|| weighing.clone()))?;
-        Ok(Traced { evidence, point })
+        Ok(LinearisedEvidence { evidence, point })
     }
 }

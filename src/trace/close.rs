@@ -19,7 +19,7 @@ use super::extend::extended;
 use super::quoted::{Quoted, Scenario, quote};
 use super::refused::Refused;
 use super::round::Round;
-use super::traced::Traced;
+use super::traced::LinearisedEvidence;
 use super::tracing::{Accepted, Tracing};
 use super::vetoes::refuted;
 use crate::effect::Kind;
@@ -257,7 +257,7 @@ impl Loop<'_, '_> {
     fn round(&self, course: &Course, model: Model, found: Identification) -> Result<Round> {
         let of = (&course.refused, course.attempts);
         let traced = self.attribute(of, &model, &found.inverse)?;
-        found.inverse.prepared.problem.experiment.rest();
+        found.inverse.prepared.problem.experiment.drop_caches();
         Ok(Round::new(course.attempts, model, found, traced))
     }
 
@@ -286,7 +286,7 @@ impl Loop<'_, '_> {
         (refused, attempt): (&Refused, usize),
         model: &Model,
         inverse: &InverseProblem,
-    ) -> Result<(Tracing, Traced)> {
+    ) -> Result<(Tracing, LinearisedEvidence)> {
         let wanted = |name: &str| refused.may_be_sought(name);
         let kept = (self.options)(LoopStage::Attempt(attempt)).stages();
         let (tracing, traced) = attribute_kept((model, inverse), &wanted, &kept, self.progress)?;

@@ -69,8 +69,8 @@ impl Evidence {
             return Vec::new();
         };
         let (bare, explained) = (
-            self.still(pair, &Vec::new()),
-            self.still(pair, self.subsets.best()),
+            self.without_rigid_motion(pair, &Vec::new()),
+            self.without_rigid_motion(pair, self.subsets.best()),
         );
         let predicted = left_out.map(|held| {
             let one = |subset: &Subset| held.predicted_nm(subset);
@@ -98,7 +98,7 @@ impl Evidence {
     /// What the base model leaves of every step, block by block.
     pub(super) fn step_maps(&self, pair: &NoisePair) -> Option<StepMaps> {
         let series = self.weighing.noise.by_frames()?;
-        let left = self.still(pair, &Vec::new());
+        let left = self.without_rigid_motion(pair, &Vec::new());
         let blocks = &self.measured.blocks;
         let n = blocks.len();
         let of = |step: usize| {
@@ -116,7 +116,7 @@ impl Evidence {
 
     /// The residual of the base model with a subset of the candidates, without the motion in the plane of each step, mm: noise that is
     /// correlated over the window leaves that to itself.
-    fn still(&self, pair: &NoisePair, subset: &Subset) -> [DVector<f64>; 2] {
+    fn without_rigid_motion(&self, pair: &NoisePair, subset: &Subset) -> [DVector<f64>; 2] {
         let mut left = self.left(pair, subset);
         let (places, counts) = (&self.measured.blocks.centroid, &self.measured.blocks.count);
         let n = places.len();

@@ -52,7 +52,7 @@ pub use round::Round;
 pub use subsets::SIZES;
 pub use suspect::{Suspect, UNEXPLAINED};
 pub use together::{field_alone, tension};
-pub use traced::Traced;
+pub use traced::LinearisedEvidence;
 pub use tracing::{
     Accepted, Finding, HeldOutStep, Named, Resembling, StepMaps, StiffnessAt, Tracing,
 };

@@ -87,7 +87,10 @@ fn held_against(
     let clear: Vec<&FoundPatch> = found.iter().filter(|p| is_sure(p)).collect();
     let masked = masked(evidence, &account, &clear);
     Ok(Patches {
-        all: found.into_iter().map(|p| said(p, data)).collect(),
+        all: found
+            .into_iter()
+            .map(|p| in_data_coordinates(p, data))
+            .collect(),
         masked,
     })
 }
@@ -153,7 +156,7 @@ fn distinct(mut found: Vec<FoundPatch>) -> Vec<FoundPatch> {
 /// Radii about the hole's centre within which a metal yields first.
 const YIELDS_WITHIN: f64 = 2.5;
 
-fn said(found: FoundPatch, data: &PatchedData<'_>) -> LocalPatch {
+fn in_data_coordinates(found: FoundPatch, data: &PatchedData<'_>) -> LocalPatch {
     let setup = &data.scene.setup;
     let is_metal = data.scene.material == Material::Isotropic && setup.yield_stress.is_none();
     let radii = setup.geometry.hole_radii(found.at);

@@ -2,7 +2,7 @@
 
 use super::patches::Patches;
 use super::phases::phase_words;
-use super::traced::Traced;
+use super::traced::LinearisedEvidence;
 use super::tracing::Tracing;
 use crate::identify::{Identification, Patterns};
 use crate::infer::Model;
@@ -15,7 +15,7 @@ pub struct Round {
     pub identification: Identification,
     pub tracing: Tracing,
     /// What the tracing rests on.
-    pub traced: Traced,
+    pub traced: LinearisedEvidence,
 }
 
 impl Round {
@@ -24,7 +24,7 @@ impl Round {
         attempt: usize,
         model: Model,
         identification: Identification,
-        (tracing, traced): (Tracing, Traced),
+        (tracing, traced): (Tracing, LinearisedEvidence),
     ) -> Self {
         let of_series = tracing.series.as_ref().and_then(|s| s.misfit);
         Self {

@@ -8,12 +8,12 @@ use crate::infer::Model;
 use crate::posterior::LinearisationPoint;
 
 /// What was weighed, and about what.
-pub struct Traced {
+pub struct LinearisedEvidence {
     pub evidence: Evidence,
     pub point: LinearisationPoint,
 }
 
-impl Traced {
+impl LinearisedEvidence {
     /// All that a stage is made of which goes on from here.
     pub fn made_of<'a>(&'a self, model: &'a Model) -> impl Serialize + 'a {
         let test = made_of(model, &self.evidence.measured);

@@ -12,7 +12,7 @@ use plychain::noise::NormalEquations;
 use plychain::numeric::log_sum_exp;
 use plychain::posterior::{Full, LinearisationPoint, with_data};
 use plychain::progress::Silent;
-use plychain::trace::{Traced, attribute, extended};
+use plychain::trace::{LinearisedEvidence, attribute, extended};
 
 use crate::common::coarse;
 use crate::tracing::{Noise, measured_with};
@@ -26,7 +26,7 @@ const DRAWS: usize = 256;
 fn of_full_model(
     model: &Model,
     inverse: &InverseProblem,
-    traced: &Traced,
+    traced: &LinearisedEvidence,
     own: &[usize],
 ) -> (f64, f64) {
     let evidence = &traced.evidence;
@@ -122,7 +122,7 @@ fn of_full_model(
 }
 
 /// The same by what tracing was linearised to.
-fn of_tracing(traced: &Traced, own: &[usize]) -> f64 {
+fn of_tracing(traced: &LinearisedEvidence, own: &[usize]) -> f64 {
     let evidence = &traced.evidence;
     let gram = evidence
         .weighing

@@ -3,7 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 use plychain::chain::read_zarr;
-use plychain::infer::{Known, Marginal, Moments, Tension};
+use plychain::infer::{ConstantsLikelihood, Marginal, Moments, Tension};
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, StandardNormal};
 use rand_pcg::Pcg64;
@@ -199,7 +199,7 @@ fn what_an_experiment_says_is_its_likelihood() {
         let linear = Linear::of(&c, rows, 0.2, &mut rng);
         let own = moments(linear.posterior());
         let mean: Vec<f64> = own.mean.iter().copied().collect();
-        let known = Known::beyond_prior(&mean, &own.covariance, &priors()).unwrap();
+        let known = ConstantsLikelihood::beyond_prior(&mean, &own.covariance, &priors()).unwrap();
         let again = known.moments().unwrap();
         assert!((&again.mean - &own.mean).amax() < 1e-9 * own.mean.amax());
         assert!((&again.covariance - &own.covariance).amax() < 1e-9 * own.covariance.amax());
@@ -247,7 +247,7 @@ fn the_joint_posterior_is_near_that_of_moments() {
         let draws = read_zarr(std::path::Path::new(&place), None).unwrap();
         let own = Moments::of(draws.points(), 4);
         let mean: Vec<f64> = own.mean.iter().copied().collect();
-        Known::beyond_prior(&mean, &own.covariance, &priors).unwrap()
+        ConstantsLikelihood::beyond_prior(&mean, &own.covariance, &priors).unwrap()
     });
     let normal = said[0].and(&said[1]).moments().unwrap();
     for (k, name) in NAMES.iter().enumerate() {

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use plychain::infer::{Joint, Known, Marginal, Member};
+use plychain::infer::{ConstantsLikelihood, Joint, Marginal, Member};
 use plychain::linearise::StepStack;
 use plychain::posterior::{BlockSnapshots, MeanSurface, Ratios};
 use plychain::reduce::latin_hypercube;
@@ -185,12 +185,13 @@ fn a_common_factor_is_taken_out_of_what_is_known() {
     let root = DMatrix::from_row_slice(3, 3, &[0.3, 0.1, 0.0, 0.0, 0.2, 0.05, 0.0, 0.0, 0.4]);
     let scaled = root.tr_mul(&root);
     let covariance = DMatrix::from_fn(3, 3, |i, j| scaled[(i, j)] * priors[i].sd * priors[j].sd);
-    let known = Known::beyond_prior(&[151.0, 8.1, 0.31], &covariance, &priors).unwrap();
+    let known =
+        ConstantsLikelihood::beyond_prior(&[151.0, 8.1, 0.31], &covariance, &priors).unwrap();
     let without = known.without_common_factor(&[true, true, false]);
     let along = DVector::from_vec(vec![10.0, 10.0, 0.0]);
     let scale = (&known.precision * &along).amax();
     assert!((&without.precision * &along).amax() < 1e-9 * scale);
     assert!(without.towards.dot(&along).abs() < 1e-9 * known.towards.dot(&along).abs());
-    let ratio = |k: &Known| k.moments().unwrap().covariance[(2, 2)];
+    let ratio = |k: &ConstantsLikelihood| k.moments().unwrap().covariance[(2, 2)];
     assert!(ratio(&without) >= ratio(&known) - 1e-12);
 }

@@ -22,7 +22,7 @@ use crate::chain::Draws;
 use crate::error::Result;
 use crate::experiment::frequencies::FrequenciesSpec;
 use crate::identify::Options;
-use crate::infer::{ExperimentEntry, Known, Member, ModelOutline};
+use crate::infer::{ConstantsLikelihood, ExperimentEntry, Member, ModelOutline};
 use crate::laminate::Material;
 use crate::progress::Progress;
 use crate::trace::Information;
@@ -102,7 +102,7 @@ impl Observed for Peaks {
         seen.map_or(f64::NEG_INFINITY, |seen| self.exact_over_near(point, &seen))
     }
 
-    fn undeclared(&self, mean: &[f64], _others: Option<&Known>) -> Vec<Undeclared> {
+    fn undeclared(&self, mean: &[f64], _others: Option<&ConstantsLikelihood>) -> Vec<Undeclared> {
         self.disturbed(mean)
     }
 }

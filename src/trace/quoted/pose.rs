@@ -12,12 +12,12 @@ use crate::infer::Model;
 use crate::posterior::{Composition, LinearRole, Posed, TestExpansion, Weighing};
 use crate::sample::{LogDensity, NormalPart};
 use crate::trace::averaged::{Interval, MULTIPLES, unseen};
-use crate::trace::traced::Traced;
+use crate::trace::traced::LinearisedEvidence;
 
 /// An answer ready to be sampled, with what its draws need to be completed.
 pub(super) struct PosedAnswer<'a> {
     pub posed: Posed,
-    pub traced: &'a Traced,
+    pub traced: &'a LinearisedEvidence,
     pub supposing: Scenario,
     /// The constants by each of its parts in closed form: the first proposal.
     pub closed: Vec<NormalPart>,
@@ -30,7 +30,7 @@ impl<'a> PosedAnswer<'a> {
     /// Of the program: columns that are not finite.
     pub fn new(
         model: &Model,
-        traced: &'a Traced,
+        traced: &'a LinearisedEvidence,
         expanded: Arc<TestExpansion>,
         supposing: Scenario,
     ) -> Result<Self> {
@@ -93,7 +93,7 @@ impl<'a> PosedAnswer<'a> {
 
 /// Linear columns of an answer, and whose they are; of the candidates' columns those that are `unseen`.
 fn kept(
-    traced: &Traced,
+    traced: &LinearisedEvidence,
     expanded: &TestExpansion,
     supposing: Scenario,
     unseen: &[bool],

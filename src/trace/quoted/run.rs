@@ -207,7 +207,7 @@ fn sampled(
     for &supposing in which {
         answers.push(test.answer(supposing, &options(supposing), &made_of)?);
     }
-    prepared.problem.experiment.rest();
+    prepared.problem.experiment.drop_caches();
     Ok(answers)
 }
 
