@@ -4,7 +4,7 @@ use nalgebra::DVector;
 
 use serde::{Deserialize, Serialize};
 
-use crate::effect::{EFFECTS, Effect, width_error};
+use crate::effect::{Effect, find, width_error};
 use crate::parameter::{Parameter, ParameterKind};
 
 /// Values of both components, step by step, mm.
@@ -88,7 +88,7 @@ impl Column {
     /// The effect of which it is an amplitude.
     pub fn effect(&self) -> Option<&'static dyn Effect> {
         let name = Parameter::read(&self.name).effect?;
-        EFFECTS.iter().copied().find(|e| e.name() == name)
+        find("column", &name).ok()
     }
 
     /// Whether it is an amplitude of such an effect.

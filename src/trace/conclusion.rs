@@ -10,7 +10,7 @@ use super::suspect::Suspect;
 use super::together::both_alone;
 use super::tracing::{Named, Resembling};
 use super::vetoes::vetoes;
-use crate::effect::{EFFECTS, Effect, amplitude_name};
+use crate::effect::{Effect, amplitude_name, find};
 use crate::files::Keyed;
 use crate::identify::Patterns;
 use crate::parameter::Parameter;
@@ -293,7 +293,7 @@ fn accepted(round: &Round) -> Option<&Named> {
 }
 
 fn effect(name: &str) -> Option<&'static dyn Effect> {
-    EFFECTS.iter().find(|e| e.name() == name).copied()
+    find("conclusion", name).ok()
 }
 
 fn confirming(group: &Named, added: bool) -> Confirming {

@@ -100,7 +100,7 @@ pub fn field_information(model: &Model, points: &[[f64; 2]], sd_mm: f64) -> Resu
     let base = NormalEquations::with_unit_prior(block(0, 0, p, p), DVector::zeros(p));
     let across = block(0, p, p, sought.len());
     let shift = base.ok_or_else(fail)?.solve(&across);
-    let odds = prior_odds(found.candidates.len().max(1));
+    let odds = prior_odds(found.candidates.len());
     let hidden = sought.iter().enumerate().map(|(k, column)| {
         let seen = gram[(p + k, p + k)] - across.column(k).dot(&shift.column(k));
         Hidden {
