@@ -24,7 +24,7 @@ pub struct StoreReader {
     path: PathBuf,
     names: Vec<String>,
     ensemble: Vec<usize>,
-    draws: usize,
+    pub draws: usize,
     chunk: usize,
     /// Digests of the arrays as they were written, where the store has them.
     digests: Vec<Digest>,
@@ -162,11 +162,6 @@ impl StoreReader {
     /// Ensemble of each chain.
     pub fn ensemble(&self) -> &[usize] {
         &self.ensemble
-    }
-
-    /// Draws of each chain.
-    pub fn draws(&self) -> usize {
-        self.draws
     }
 
     /// Draws of each chain in a chunk.

@@ -149,18 +149,17 @@ fn traced_field(place: &Path, model: &Model, console: &Console) -> Result<(PathB
     let prepared = crate::identify::prepare(model, console)?;
     let inverse = crate::identify::inverse_problem(model, prepared, console)?;
     let (tracing, _) = trace::attribute(model, &inverse, &|_| true, console)?;
-    let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));
-
+    let (found, spots) = (traced::tracing(&tracing), &tracing.blind_spots);
     let suspect = Some(&tracing.suspect).filter(|s| !s.reasons.is_empty());
     let quoted = suspect.map_or_else(|| tracing.averaged.clone(), Suspect::hull);
     let by_name = quoted.iter();
     let by_name = by_name.map(|(name, i)| (name.clone(), (i.mean, i.sd).into()));
     let learned = learned(model, &by_name.collect());
-    let averaged = sections_of::averaged(&found, &quoted, suspect, &spots, (&alone, &learned));
+    let averaged = sections_of::averaged(&found, &quoted, suspect, spots, (&alone, &learned));
     print(&terminal(&[sections_of::tracing(&found)]))?;
     print(&terminal(&averaged))?;
     let path = place.join("trace.json");
-    let value = traced::trace_file(&tracing, &found, &spots);
+    let value = traced::trace_file(&tracing, &found);
     files::write_json(&path, &value)?;
     Ok((path, value))
 }

@@ -29,6 +29,11 @@ pub enum Law {
     Free,
 }
 
+/// As `simulate --effect` has it: `NAME:LAW`.
+pub fn with_law(name: &str, law: Option<Law>) -> String {
+    law.map_or_else(|| name.to_string(), |law| format!("{name}:{}", law.key()))
+}
+
 impl Law {
     pub const ALL: [Self; 6] = [
         Self::Constant,

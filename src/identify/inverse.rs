@@ -12,13 +12,14 @@ use super::weighed::{NumberedPoint, made_of, weighed};
 use crate::effect::Effect;
 use crate::error::{Error, Result};
 use crate::experiment::series::SeriesState;
-use crate::field::Field;
+use crate::field::{Blocks, Field};
 use crate::files::KeptStages;
-use crate::infer::{EffectUnderLaw, Marginal, Model, Steps};
+use crate::infer::{EffectUnderLaw, Marginal, Model};
 use crate::linearise::{
     CandidateColumns, Column, Forward, Insoluble, Measured, STEPS, Sensitivities, StepStack,
     acting_in, candidates, insoluble, is_of_a_rotation, without_insoluble,
 };
+use crate::noise::series::Frames;
 use crate::noise::{Noise, NormalEquations};
 use crate::posterior::{
     About, CoarseForwards, Composition, LinearRole, LinearisationPoint, MixtureChoice, NoisePair,
@@ -148,10 +149,16 @@ fn noise_of_a_point(
 ) -> Result<Noise> {
     let observation = &prepared.observation;
     let steps = observation.steps.as_ref();
-    let weights = steps.map(Steps::weights).unwrap_or_default();
-    let at = weighing.noise.of_sum(&chosen.pair, &weights);
-    let of_subsets = observation.field.subset_mm.is_some() && steps.is_some();
-    let noise = Noise::over(&observation.field, &prepared.modes()?, (at, of_subsets))?;
+    let field = &observation.field;
+    let of = |blocks: &Blocks| {
+        let over = Frames {
+            blocks,
+            loads: steps.map(|s| s.loads.clone()).unwrap_or_default(),
+            subset_mm: field.subset_mm,
+        };
+        weighing.noise.of_sum(&chosen.pair, &over)
+    };
+    let noise = Noise::over(field, &prepared.modes()?, of)?;
     progress.say(&format!(
         "{:.3} and {:.3} nm a point, n_eff {:.0}",
         noise.point_sd_nm(0),

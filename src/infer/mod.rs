@@ -31,6 +31,6 @@ pub use schema::{
 };
 pub use shipped::{OPENHOLE, STEEL, unchanged};
 pub use simulated::{simulated_field, simulated_series};
-pub use steps::Steps;
+pub use steps::{Steps, with_the_load};
 pub use supplied::box_to_solve;
 pub use tension::{ExperimentFactor, Moments, Tension};

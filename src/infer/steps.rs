@@ -26,7 +26,7 @@ pub struct Steps {
 const VARIES: f64 = 0.05;
 
 /// Weights of steps of some loads in the field that grows with the load.
-pub(super) fn with_the_load(loads: &[f64]) -> Vec<f64> {
+pub fn with_the_load(loads: &[f64]) -> Vec<f64> {
     let count = loads.len() as f64;
     let mean = loads.iter().sum::<f64>() / count;
     let largest = loads.iter().fold(0.0_f64, |m, f| m.max(f.abs()));

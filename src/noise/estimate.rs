@@ -1,11 +1,13 @@
 //! The noise of a measured field at all of its points: what a residual is looked at with.
 
+use std::sync::Arc;
+
 use nalgebra::{DMatrix, DVector};
 
 use super::normal::solve;
 use super::reml::Hyperparameters;
 use super::white::truncated_sd;
-use super::{BlockCovariance, Matern, white};
+use super::{BlockCovariance, white};
 use crate::error::Result;
 use crate::field::{Blocks, Field};
 use crate::quantity::NM_PER_MM;
@@ -16,7 +18,7 @@ pub struct Noise {
     /// Length, ratio and scale of each component's noise on them.
     pub at: [Hyperparameters; 2],
     /// Covariance of each component's block averages at unit scale.
-    covariance: [BlockCovariance; 2],
+    covariance: [Arc<BlockCovariance>; 2],
     /// White sd of a point from local differences, mm.
     pub white_mm: [f64; 2],
     /// Sd of a point, mm: its block's average and what it differs from that by.
@@ -25,38 +27,27 @@ pub struct Noise {
     pub effective_points: f64,
 }
 
+/// Length, ratio and scale of a component's noise, and the covariance of block averages at unit scale.
+pub type ComponentOfNoise = (Hyperparameters, Arc<BlockCovariance>);
+
 impl Noise {
-    /// Noise of some hyperparameters on blocks of the same size over all points of a field, whose points a subset may correlate; `modes` are
-    /// those of u1, then of u2, mm at the points: local fits follow what they leave more easily than the field about a hole.
+    /// The noise of both components on blocks of the same size over all points of a field, as `of` has it on some blocks; `modes` are those of
+    /// u1, then of u2, mm at the points: local fits follow what they leave more easily than the field about a hole.
     ///
     /// # Errors
     /// Of the program, if a covariance is not positive definite.
     pub fn over(
         field: &Field,
         modes: &[Vec<[f64; 2]>],
-        (at, is_of_subsets): ([Hyperparameters; 2], bool),
+        of: impl Fn(&Blocks) -> Result<[ComponentOfNoise; 2]>,
     ) -> Result<Self> {
         let blocks = Blocks::new(field, Blocks::size_for(field), |_| true);
-        // where points share subsets, a block's average has the variance of a point
-        let count = if is_of_subsets {
-            blocks.mean_count()
-        } else {
-            1.0
-        };
-        let at = at.map(|at| Hyperparameters {
-            ratio: at.ratio * count,
-            scale2: at.scale2 / count,
-            ..at
-        });
+        let [(first, of_first), (second, of_second)] = of(&blocks)?;
+        let (at, covariance) = ([first, second], [of_first, of_second]);
         let left = Field {
             displacement: residual_of_fit(field, modes),
             ..field.clone()
         };
-        let of = |c: usize| {
-            let matern = Matern::new(&blocks, at[c].length_mm);
-            BlockCovariance::new(&blocks, &matern, at[c].ratio)
-        };
-        let covariance = [of(0)?, of(1)?];
         let point = |c: usize| {
             let average = at[c].scale2 * covariance[c].mean_variance();
             (average + within_blocks(&left, &blocks, c)).sqrt()

@@ -10,7 +10,7 @@ pub mod series;
 pub mod white;
 
 pub use covariance::{BlockCovariance, Matern};
-pub use estimate::{Noise, residual_of_fit};
+pub use estimate::{ComponentOfNoise, Noise, residual_of_fit};
 pub use normal::NormalEquations;
 pub(crate) use normal::solve;
 pub use random_field::matern_pair;

@@ -19,8 +19,8 @@ use crate::field::Blocks;
 use crate::linearise::{Measured, Sensitivities};
 use crate::noise::covariance::{RATIOS, discrepancy_lengths_mm, noise_lengths_mm, over_grid};
 use crate::noise::reml::{Contrasts, orthonormal};
-use crate::noise::series::{DISCREPANCY, SeriesNoise};
-use crate::noise::{BlockCovariance, Hyperparameters, Matern, solve};
+use crate::noise::series::{DISCREPANCY, Frames, SeriesNoise};
+use crate::noise::{BlockCovariance, ComponentOfNoise, Hyperparameters, Matern, solve};
 
 /// Ratios rho weighed here: all but that of noise that is correlated alone.
 pub const TRACED: &[f64] = RATIOS.split_at(RATIOS.len() - 1).0;
@@ -220,12 +220,15 @@ impl NoiseChoices for ComponentNoise {
         })
     }
 
-    fn of_sum(&self, pair: &NoisePair, _weights: &[f64]) -> [Hyperparameters; 2] {
-        let of = |c: &NoiseChoice| Hyperparameters {
-            scale2: c.scale2,
-            ..c.at
+    fn of_sum(&self, pair: &NoisePair, over: &Frames<'_>) -> Result<[ComponentOfNoise; 2]> {
+        let of = |c: &NoiseChoice| -> Result<ComponentOfNoise> {
+            let scale2 = c.scale2;
+            let matern = Matern::new(over.blocks, c.at.length_mm);
+            let covariance = BlockCovariance::new(over.blocks, &matern, c.at.ratio)?;
+            Ok((Hyperparameters { scale2, ..c.at }, Arc::new(covariance)))
         };
-        self.at(pair).map(of)
+        let [first, second] = self.at(pair);
+        Ok([of(first)?, of(second)?])
     }
 
     fn again(

@@ -7,9 +7,10 @@ use nalgebra::{DMatrix, DVector};
 use super::noise_choices::{NoiseChoices, NoisePair, alone, correlated, with_data};
 use crate::error::Result;
 use crate::field::Blocks;
+use crate::infer::with_the_load;
 use crate::linearise::{Measured, Sensitivities};
-use crate::noise::Hyperparameters;
 use crate::noise::series::{Frames, SeriesNoise, Setting, SpatialNoise, grams, settings_under};
+use crate::noise::{ComponentOfNoise, Hyperparameters};
 
 impl NoiseChoices for SeriesNoise {
     fn pairs(&self) -> Vec<NoisePair> {
@@ -58,16 +59,19 @@ impl NoiseChoices for SeriesNoise {
 
     fn lengths_mm(&self, _pair: &NoisePair) -> [f64; 2] {
         let spatial = &self.noise.spatial;
-        spatial.each_ref().map(|n| correlated(n.length_mm, n.ratio))
+        spatial
+            .each_ref()
+            .map(|n| correlated(n.shape.length_mm, n.shape.ratio))
     }
 
     fn variances(&self, pair: &NoisePair, blocks: &Blocks) -> [DVector<f64>; 2] {
         let reference = self.settings[pair.of[0]].at.reference;
         self.noise.spatial.each_ref().map(|s| {
             let all = s.covariance.variances();
-            let white: Vec<f64> = all.iter().map(|v| (v - s.ratio).max(0.0)).collect();
-            let variance =
-                |d: f64, w: f64| d * s.scale2 * (w + s.ratio * alone(blocks, s.length_mm));
+            let white: Vec<f64> = all.iter().map(|v| (v - s.shape.ratio).max(0.0)).collect();
+            let variance = |d: f64, w: f64| {
+                d * s.scale2 * (w + s.shape.ratio * alone(blocks, s.shape.length_mm))
+            };
             let frames = self.noise.of_frames(reference).diagonal();
             let frames = frames.iter();
             let all = frames.flat_map(|d| white.iter().map(move |w| variance(*d, *w)));
@@ -76,17 +80,19 @@ impl NoiseChoices for SeriesNoise {
     }
 
     /// Where the weights do not sum to nothing, the reference picture's noise is in the sum too.
-    fn of_sum(&self, pair: &NoisePair, weights: &[f64]) -> [Hyperparameters; 2] {
+    fn of_sum(&self, pair: &NoisePair, over: &Frames<'_>) -> Result<[ComponentOfNoise; 2]> {
         let reference = self.settings[pair.of[0]].at.reference;
-        let weights = DVector::from_column_slice(weights);
+        let weights = DVector::from_vec(with_the_load(&over.loads));
         let share = weights.dot(&(self.noise.of_frames(reference) * &weights));
         let of = |s: &SpatialNoise| Hyperparameters {
-            length_mm: s.length_mm,
-            ratio: s.ratio,
+            length_mm: s.shape.length_mm,
+            ratio: s.shape.ratio,
             scale2: share * s.scale2,
             log_likelihood: 0.0,
         };
-        self.noise.spatial.each_ref().map(of)
+        let [first, second] = self.noise.spatial.each_ref().map(of);
+        let [of_first, of_second] = self.noise.over(over)?;
+        Ok([(first, of_first), (second, of_second)])
     }
 
     /// What frame contrasts know holds about every point: no model reaches them.

@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 use crate::error::Result;
 use crate::field::Blocks;
 use crate::linearise::{Measured, Sensitivities};
-use crate::noise::Hyperparameters;
-use crate::noise::series::SeriesNoise;
+use crate::noise::ComponentOfNoise;
+use crate::noise::series::{Frames, SeriesNoise};
 
 /// A choice of the noise of both components.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -58,8 +58,11 @@ pub trait NoiseChoices: Send + Sync {
     /// Variance of every block average of each component, mm^2, correlated noise as if each block stood alone.
     fn variances(&self, pair: &NoisePair, blocks: &Blocks) -> [DVector<f64>; 2];
 
-    /// Hyperparameters of each component of a sum of the steps with some weights; of one field as it is.
-    fn of_sum(&self, pair: &NoisePair, weights: &[f64]) -> [Hyperparameters; 2];
+    /// Each component of what grows with the load in some frames, or of one field as it is, over their blocks.
+    ///
+    /// # Errors
+    /// Of the program: a factorisation that fails.
+    fn of_sum(&self, pair: &NoisePair, over: &Frames<'_>) -> Result<[ComponentOfNoise; 2]>;
 
     /// The choices for the same blocks' columns about another point, where a search there would not find others.
     ///

@@ -10,12 +10,11 @@ use super::learned::Learned;
 use super::quoted::QuotedReport;
 use super::round::{MeanAndSd, RoundReport};
 use super::together::TogetherReport;
-use super::tracing::BlindSpotReport;
 use super::verdict::BeforeAfter;
 use crate::error::{Error, Result};
 use crate::files;
 use crate::section::Section;
-use crate::trace::{Conclusion, Interval};
+use crate::trace::{BlindSpot, Conclusion, Interval};
 
 /// The schema of `report.json`. Keys are only ever added to it.
 pub const SCHEMA: &str = "plychain-report/1";
@@ -52,7 +51,7 @@ pub struct Closing {
     /// Why that is wider, or narrower, than the posterior of the model alone.
     pub averaged_note: Option<String>,
     /// What could hide in the last residual.
-    pub blind_spots: Vec<BlindSpotReport>,
+    pub blind_spots: Vec<BlindSpot>,
     /// First and last round beside each other.
     pub before_after: BeforeAfter,
     pub verdict: Conclusion,
@@ -75,7 +74,7 @@ impl Report {
     }
 
     /// What could hide in the last residual of a loop.
-    pub fn blind_spots(&self) -> &[BlindSpotReport] {
+    pub fn blind_spots(&self) -> &[BlindSpot] {
         self.closing.as_ref().map_or(&[], |c| &c.blind_spots)
     }
 

@@ -7,7 +7,7 @@ use super::quoted::quoted;
 use super::residual::{NoiseComponent, NoiseReport, ResidualReport, RmsReport};
 use super::round::{Convergence, Correlation, MeanAndSd, PosteriorSummary, RoundReport};
 use super::steps::{HeldOutReport, LinearityReport, StepReport};
-use super::traced::{blind_spots, map, tracing};
+use super::traced::{map, tracing};
 use super::verdict::{BeforeAfter, Shifted};
 use super::words::widening;
 use crate::identify::Identification;
@@ -29,7 +29,7 @@ pub fn identified(model: &Model, rounds: &[Identification], seed: u64) -> Report
 pub fn closed(closed: &Closed, seed: u64) -> Report {
     let rounds: Vec<RoundReport> = closed.rounds.iter().map(traced).collect();
     let [first, last] = [&closed.rounds[0], &closed.rounds[closed.rounds.len() - 1]];
-    let blind_spots = blind_spots(&last.tracing);
+    let blind_spots = last.tracing.blind_spots.clone();
     let averaged = closed.quoted();
     let note = rounds
         .last()

@@ -8,7 +8,7 @@ use serde_json::{Map, Value};
 
 use crate::error::{Error, Result};
 
-pub use crate::files::Keyed;
+pub use crate::files::{Keyed, or_nan};
 use crate::files::{parse_json, parse_part};
 
 /// Name and text of a file in the folder of a finished run.
@@ -52,11 +52,6 @@ pub(super) fn part<'de, D: Deserializer<'de>, T: DeserializeOwned>(
     }
     let read = parse_part(&Value::Object(rest).to_string());
     read.map(Some).map_err(D::Error::custom)
-}
-
-/// A number that JSON has as `null`, since it has neither infinity nor NaN.
-pub(super) fn or_nan<'de, D: Deserializer<'de>>(from: D) -> std::result::Result<f64, D::Error> {
-    Option::deserialize(from).map(|number| number.unwrap_or(f64::NAN))
 }
 
 /// What stands for a number that an earlier version did not write.

@@ -72,7 +72,7 @@ fn candidates(tracing: &TracingReport) -> Vec<CandidateLine<'_>> {
 /// What each unseen effect would do, with a shift of every constant.
 fn blind_spots(page: &Page) -> Vec<Value> {
     let constants = page.constants();
-    let line = |spot: &super::tracing::BlindSpotReport| {
+    let line = |spot: &crate::trace::BlindSpot| {
         let mut line = json!({
             "effect": spot.name(), "plausible": spot.plausible, "unit": spot.unit, "would_be_seen": spot.would_be_seen,
         });

@@ -2,14 +2,11 @@
 
 use serde_json::{Value, json};
 
-use super::json::finite;
 use super::tracing::{
-    AliasGroupReport, AliasReport, AmplitudeReport, BlindSpotReport, CandidateReport, LeftOut,
-    TracingReport,
+    AliasGroupReport, AliasReport, AmplitudeReport, CandidateReport, LeftOut, TracingReport,
 };
-use super::words::LINEAR_PERCENT;
 use crate::parameter::Parameter;
-use crate::trace::{BlindSpot, Finding, LARGEST_MULTIPLE, Named, Resembling, Tracing, texts};
+use crate::trace::{Finding, LARGEST_MULTIPLE, Named, Resembling, Tracing, texts};
 
 /// What one tracing found.
 pub fn tracing(tracing: &Tracing) -> TracingReport {
@@ -32,7 +29,7 @@ pub fn tracing(tracing: &Tracing) -> TracingReport {
 }
 
 /// `trace.json`.
-pub fn trace_file(tracing: &Tracing, found: &TracingReport, spots: &[BlindSpotReport]) -> Value {
+pub fn trace_file(tracing: &Tracing, found: &TracingReport) -> Value {
     json!({
         "schema": "plychain-trace/1",
         "candidates": found.candidates,
@@ -45,7 +42,7 @@ pub fn trace_file(tracing: &Tracing, found: &TracingReport, spots: &[BlindSpotRe
         "averaged_posterior": found.averaged_posterior,
         "suspect": tracing.suspect,
         "stiffness": tracing.series.as_ref().and_then(|s| s.stiffness.as_ref()),
-        "blind_spots": spots,
+        "blind_spots": tracing.blind_spots,
         "left_out": found.left_out,
     })
 }
@@ -103,28 +100,6 @@ fn resembling(other: &Resembling) -> Value {
         "plausible_multiple": other.multiple,
         "log_evidence_lost": other.log_bayes_factor_lost,
     })
-}
-
-/// What could hide in the residual.
-pub fn blind_spots(tracing: &Tracing) -> Vec<BlindSpotReport> {
-    map(&tracing.blind_spots, blind_spot)
-}
-
-fn blind_spot(spot: &BlindSpot) -> BlindSpotReport {
-    let shifts = spot.shift_percent.iter();
-    let beyond = shifts.clone().filter(|(_, s)| s.abs() > LINEAR_PERCENT);
-    let parameter = parameter(&spot.parameter);
-    BlindSpotReport {
-        effect: spot.effect.into(),
-        law: spot.law,
-        plausible: spot.plausible,
-        unit: Parameter::read(&parameter).unit(),
-        parameter,
-        shift_in_percent: shifts.map(|(name, s)| (name.clone(), finite(*s))).collect(),
-        beyond_linear: beyond.map(|(name, _)| name.clone()).collect(),
-        detectable: spot.detectable,
-        would_be_seen: spot.detectable < spot.plausible,
-    }
 }
 
 pub(super) fn map<T, U>(items: &[T], of: impl Fn(&T) -> U) -> Vec<U> {

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::json::{Keyed, nan, or_nan};
-use crate::experiment::series::Law;
+use crate::experiment::series::{Law, with_law};
 use crate::trace::Interval;
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -105,42 +105,6 @@ pub struct LeftOut {
     pub reason: String,
 }
 
-/// What an effect would do at its prior sd if it acted and the model lacked it.
-#[derive(Debug, Serialize, Deserialize)]
-pub struct BlindSpotReport {
-    pub effect: String,
-    /// How its amplitude goes over the steps of a series.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub law: Option<Law>,
-    pub parameter: String,
-    /// Prior sd, border units.
-    pub plausible: f64,
-    /// Unit of both sizes.
-    pub unit: String,
-    /// Shift of each constant, % of its value.
-    pub shift_in_percent: Keyed<Option<f64>>,
-    /// Constants whose shift is larger than sensitivities can say.
-    #[serde(default)]
-    pub beyond_linear: Vec<String>,
-    /// Smallest amplitude that these data would show; `null` if none.
-    #[serde(deserialize_with = "or_nan")]
-    pub detectable: f64,
-    /// Whether that is below the prior sd.
-    pub would_be_seen: bool,
-}
-
-impl BlindSpotReport {
-    /// Shift of a constant, % of its value, if it is finite.
-    pub fn shift(&self, constant: &str) -> Option<f64> {
-        self.shift_in_percent.get(constant).copied().flatten()
-    }
-
-    /// `effect.parameter`, with the law.
-    pub fn name(&self) -> String {
-        with_law(&format!("{}.{}", self.effect, self.parameter), self.law)
-    }
-}
-
 impl CandidateReport {
     /// The effect with its law.
     pub fn name(&self) -> String {
@@ -153,9 +117,4 @@ impl AliasReport {
     pub fn name(&self) -> String {
         with_law(&self.effect, self.law)
     }
-}
-
-/// As `simulate --effect` has it: `NAME:LAW`.
-fn with_law(name: &str, law: Option<Law>) -> String {
-    law.map_or_else(|| name.to_string(), |law| format!("{name}:{}", law.key()))
 }

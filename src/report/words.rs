@@ -2,12 +2,9 @@
 
 use super::json::Keyed;
 use super::round::MeanAndSd;
-use super::tracing::{BlindSpotReport, TracingReport};
+use super::tracing::TracingReport;
 use crate::identify::PRIOR_SDS;
-use crate::trace::{Interval, UNEXPLAINED};
-
-/// Shifts of a constant are by sensitivities; beyond this many percent of it they say no more than that they are large.
-pub const LINEAR_PERCENT: f64 = 20.0;
+use crate::trace::{BlindSpot, Interval, UNEXPLAINED};
 
 /// What those shifts mean, in a sentence.
 pub const LINEAR: &str =
@@ -43,7 +40,7 @@ const WIDER: f64 = 1.1;
 pub fn widening(
     (alone, averaged): (&Keyed<MeanAndSd>, &Keyed<Interval>),
     tracing: &TracingReport,
-    spots: &[BlindSpotReport],
+    spots: &[BlindSpot],
 ) -> Option<String> {
     let mut ratios: Vec<(f64, &str)> = alone
         .iter()
@@ -95,8 +92,8 @@ const NAMED: usize = 3;
 const SHARE: f64 = 0.2;
 
 /// The blind spots that move a constant most while these data do not show them.
-fn movers(spots: &[BlindSpotReport], constant: &str) -> String {
-    let unseen = |spot: &BlindSpotReport| {
+fn movers(spots: &[BlindSpot], constant: &str) -> String {
+    let unseen = |spot: &BlindSpot| {
         let share = (spot.detectable / spot.plausible).min(1.0);
         let shift = spot.shift_in_percent.get(constant).copied();
         share * shift.map_or(0.0, |s| s.map_or(f64::NAN, f64::abs))

@@ -7,9 +7,9 @@ use statrs::function::erf::erfc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::blind_spot::{detectable, prior_odds};
+use super::blind_spot::{detectable, not_finite, prior_odds};
 use super::subsets::{Subset, SubsetPosterior};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files::Keyed;
 use crate::linearise::{Candidate, Column, Sensitivities};
 use crate::noise::NormalEquations;
@@ -362,10 +362,6 @@ pub fn mixtures(sensitivities: &Sensitivities, parts: &[AveragedPart]) -> Keyed<
         (c.name.clone(), mixture(parts, total, k, modulus))
     };
     columns.enumerate().map(mixed).collect()
-}
-
-pub fn not_finite() -> Error {
-    Error::program("trace::averaged", "finite columns of model and effects")
 }
 
 /// A normal distribution above zero: its share of all, mean and sd.

@@ -1,30 +1,55 @@
 //! What each effect would do to the constants where the model lacks it, and how much of it would show.
 
 use nalgebra::{DMatrix, DVector};
+use serde::{Deserialize, Serialize};
 
-use super::averaged::not_finite;
 use super::subsets::SIZES;
 use crate::effect::{Effect, amplitude_name};
-use crate::error::Result;
-use crate::experiment::series::Law;
+use crate::error::{Error, Result};
+use crate::experiment::series::{Law, with_law};
+use crate::files::{Keyed, or_nan};
 use crate::linearise::{Column, Sensitivities};
 use crate::noise::NormalEquations;
+use crate::parameter::Parameter;
 use crate::posterior::Weighing;
 
 /// What one effect would do to the constants if it acted with an amplitude of one prior sd and the model lacked it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct BlindSpot {
-    pub effect: &'static str,
-    /// `effect.parameter`.
-    pub parameter: String,
-    /// Prior sd of the amplitude, border units.
-    pub plausible: f64,
-    /// Shift of each constant, % of its value.
-    pub shift_percent: Vec<(String, f64)>,
-    /// Smallest amplitude that these data would show, border units.
-    pub detectable: f64,
-    /// How it goes over the steps of a series.
+    pub effect: String,
+    /// How its amplitude goes over the steps of a series.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub law: Option<Law>,
+    pub parameter: String,
+    /// Prior sd, border units.
+    pub plausible: f64,
+    /// Unit of both sizes.
+    pub unit: String,
+    /// Shift of each constant, % of its value.
+    pub shift_in_percent: Keyed<Option<f64>>,
+    /// Constants whose shift is larger than sensitivities can say.
+    #[serde(default)]
+    pub beyond_linear: Vec<String>,
+    /// Smallest amplitude that these data would show; `null` if none.
+    #[serde(deserialize_with = "or_nan")]
+    pub detectable: f64,
+    /// Whether that is below the prior sd.
+    pub would_be_seen: bool,
+}
+
+/// Shifts of more percent of a constant are beyond what sensitivities say.
+pub const LINEAR_PERCENT: f64 = 20.0;
+
+impl BlindSpot {
+    /// Shift of a constant, % of its value, if it is finite.
+    pub fn shift(&self, constant: &str) -> Option<f64> {
+        self.shift_in_percent.get(constant).copied().flatten()
+    }
+
+    /// `effect.parameter`, with the law.
+    pub fn name(&self) -> String {
+        with_law(&format!("{}.{}", self.effect, self.parameter), self.law)
+    }
 }
 
 /// Of what takes part in every test, and of each candidate's parameters. `pair` is the likeliest noise, `state` the constants.
@@ -55,18 +80,26 @@ pub fn blind_spots(
             .parameters()
             .iter()
             .find(|p| amplitude_name(effect, p) == column.name);
-        let least = column.sd * detectable(information, odds);
+        let mut detectable = column.sd * detectable(information, odds);
+        if own.is_some_and(|p| detectable > p.bound) {
+            detectable = f64::INFINITY;
+        }
+        let parameter = Parameter::read(&column.name).own;
+        let shifts: Vec<(String, f64)> = constants.zip(&shift).zip(state).map(percent).collect();
+        let shifts = shifts.iter();
+        let beyond = shifts.clone().filter(|(_, s)| s.abs() > LINEAR_PERCENT);
         Ok(BlindSpot {
-            effect: effect.name(),
-            parameter: column.name.clone(),
-            plausible: column.sd,
-            shift_percent: constants.zip(&shift).zip(state).map(percent).collect(),
-            detectable: if own.is_some_and(|p| least > p.bound) {
-                f64::INFINITY
-            } else {
-                least
-            },
+            effect: effect.name().into(),
             law,
+            plausible: column.sd,
+            unit: Parameter::read(&parameter).unit(),
+            parameter,
+            shift_in_percent: shifts
+                .map(|(name, s)| (name.clone(), Some(*s).filter(|s| s.is_finite())))
+                .collect(),
+            beyond_linear: beyond.map(|(name, _)| name.clone()).collect(),
+            detectable,
+            would_be_seen: detectable < column.sd,
         })
     };
     let mut spots = Vec::new();
@@ -98,6 +131,10 @@ fn shift(gram: &DMatrix<f64>, own: &[usize], k: usize) -> Result<(DVector<f64>, 
             .map(|(j, by)| by * gram[(*j, k)])
             .sum::<f64>();
     Ok((by, left))
+}
+
+pub fn not_finite() -> Error {
+    Error::program("trace", "finite columns of model and effects")
 }
 
 /// Prior odds of one of so many candidates acting alone against none.

@@ -38,7 +38,7 @@ pub mod wedge;
 
 pub use attribute::attribute;
 pub use averaged::Interval;
-pub use blind_spot::BlindSpot;
+pub use blind_spot::{BlindSpot, LINEAR_PERCENT};
 pub use close::{Closed, Explained, LoopStage, ToQuote, close, explain, finished};
 pub use conclusion::{Conclusion, FORCE_UNSEEN, texts};
 pub use evidence::LARGEST_MULTIPLE;

@@ -26,23 +26,23 @@ pub(super) fn noise_words(weighing: &Weighing, pair: &NoisePair) -> String {
     if noise.walks {
         said.push("The noise adds up from frame to frame, as where every picture is correlated with the one before. Correlate all with the first picture where you can.".into());
     }
-    let smooth = noise.spatial.iter().filter(|n| n.ratio > 0.0);
+    let smooth = noise.spatial.iter().filter(|n| n.shape.ratio > 0.0);
     let largest = smooth.max_by(|a, b| {
-        let size = |n: &crate::noise::series::SpatialNoise| n.ratio * n.scale2;
+        let size = |n: &crate::noise::series::SpatialNoise| n.shape.ratio * n.scale2;
         size(a).total_cmp(&size(b))
     });
     if let Some(n) = largest.filter(|_| noise.is_smooth()) {
         let sd = [0, 1].map(|c: usize| {
             let n = &noise.spatial[c];
-            (n.ratio * n.scale2).sqrt() * UM_PER_MM
+            (n.shape.ratio * n.scale2).sqrt() * UM_PER_MM
         });
-        let like = match n.kernel {
+        let like = match n.shape.kernel {
             SmoothKernel::SquaredExponential => "air or lights",
             SmoothKernel::Matern => "air, lights or the camera's own warmth",
         };
         said.push(format!(
             "The frames' noise is smooth over about {:.1} mm, and new in each frame, as {like} would leave. Its sd is {:.2} um in u1 and {:.2} um in u2.",
-            n.length_mm, sd[0], sd[1]
+            n.shape.length_mm, sd[0], sd[1]
         ));
     }
     if let Some(rival) = rival.filter(|r| r.law == Growth::Constant) {

@@ -7,6 +7,7 @@ use plychain::effect::{EFFECTS, Effect, Scope, why_not};
 use plychain::experiment::series::Law;
 use plychain::infer::Model;
 use plychain::mesh_files::ElementKind;
+use plychain::trace::BlindSpot;
 use serde_json::{Value, json};
 
 use crate::common::{changed, coarse, fresh, set_coarse, simulated};
@@ -199,13 +200,13 @@ impl SizedEffect {
         format!("{}={}", self.effect.name(), values.join(","))
     }
 
-    /// Whether no data like these would show so much of it, by the blind spots (effect, parameter, detectable amplitude) of a tracing; or whether it
+    /// Whether no data like these would show so much of it, by the blind spots of a tracing; or whether it
     /// takes part in every fit, and needs no naming.
-    pub fn is_hidden(&self, blind: &[(&'static str, String, f64)]) -> bool {
+    pub fn is_hidden(&self, blind: &[BlindSpot]) -> bool {
         let name = self.effect.name();
         let size = self.amplitude.iter().fold(0.0_f64, |m, a| m.max(a.abs()));
-        let mut own = blind.iter().filter(|(of, ..)| *of == name);
-        self.effect.is_of_every_test() || own.any(|(_, _, detectable)| size < *detectable)
+        let mut own = blind.iter().filter(|spot| spot.effect == name);
+        self.effect.is_of_every_test() || own.any(|spot| size < spot.detectable)
     }
 }
 

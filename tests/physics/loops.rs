@@ -15,7 +15,7 @@ use plychain::posterior::Importance;
 use plychain::progress::Silent;
 use plychain::report::SILENT_HELD_PERCENT;
 use plychain::sample::{SAMPLERS, Sampler, Schedule};
-use plychain::trace::{Interval, Status, explain};
+use plychain::trace::{BlindSpot, Interval, Status, explain};
 
 use crate::common::{changed, coarse, set_coarse};
 use crate::every_effect::{SizedEffect, judge};
@@ -44,7 +44,7 @@ pub struct Ended {
     /// Laws over the steps by which an added effect may act.
     pub laws: Vec<Law>,
     /// Effects that the last round would not have shown below a size (border units), with the name of the parameter.
-    pub blind: Vec<(&'static str, String, f64)>,
+    pub blind: Vec<BlindSpot>,
     /// The last round's draws under the full model.
     pub full_model: Importance,
 }
@@ -133,8 +133,6 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
     let sure: Vec<_> = groups().filter(|g| g.probability > 0.95).collect();
     let is_added = |name: &str| closed.conclusion.effects.iter().any(|e| e == name);
     let added = groups().filter(|g| is_added(g.leader));
-    let spots = closed.rounds.last().map(|r| &r.tracing.blind_spots);
-    let spots = spots.into_iter().flatten();
     Ended {
         case: case.into(),
         status: closed.conclusion.status,
@@ -157,9 +155,11 @@ pub fn looped(case: &str, model: &Model, truth: &[f64]) -> Ended {
             .rounds
             .last()
             .map_or_else(Importance::default, |r| r.identification.importance.clone()),
-        blind: spots
-            .map(|spot| (spot.effect, spot.parameter.clone(), spot.detectable))
-            .collect(),
+        blind: closed
+            .rounds
+            .last()
+            .map(|r| r.tracing.blind_spots.clone())
+            .unwrap_or_default(),
     }
 }
 

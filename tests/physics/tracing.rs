@@ -168,12 +168,9 @@ fn all_named(file: &str, grid: usize, noise: Noise) {
         let bends = acted.effect.curvature(&acted.amplitude).is_some();
         let mut fails = |seed: u64| {
             let (accepted, last) = traced(&measured_with(file, grid, &[&case], noise, seed));
-            let spots = last.blind_spots.iter();
-            let blind: Vec<_> = spots
-                .map(|spot| (spot.effect, spot.parameter.clone(), spot.detectable))
-                .collect();
+
             let right = match &accepted[..] {
-                [] => acted.is_hidden(&blind),
+                [] => acted.is_hidden(&last.blind_spots),
                 [(_, group)] => group.contains(&name),
                 _ => false,
             };
@@ -358,12 +355,12 @@ fn what_cannot_be_seen_is_said_to_be() {
         spot("thermal_strain")
     );
     assert!(spot("magnification") < 20.0);
-    let (found, spots) = (traced::tracing(&tracing), traced::blind_spots(&tracing));
+    let (found, spots) = (traced::tracing(&tracing), &tracing.blind_spots);
     let text = terminal(&run::averaged(
         &found,
         &found.averaged_posterior,
         None,
-        &spots,
+        spots,
         (&Keyed::new(), &Keyed::new()),
     ));
     for line in text
@@ -373,7 +370,7 @@ fn what_cannot_be_seen_is_said_to_be() {
         assert!(line.contains("never") && line.contains("NO"), "{line}");
     }
     assert!(text.contains("thermal_strain"));
-    let json = traced::trace_file(&tracing, &found, &spots);
+    let json = traced::trace_file(&tracing, &found);
     let mut written = json["blind_spots"].as_array().unwrap().iter();
     let thermal = written.find(|s| s["effect"] == "thermal_strain");
     assert!(thermal.unwrap()["detectable"].is_null());
@@ -398,13 +395,13 @@ fn what_cannot_be_seen_is_said_to_be() {
             &found,
             &found.averaged_posterior,
             None,
-            &spots,
+            spots,
             (&alone(share), &Keyed::new()),
         ));
         text.split_whitespace().collect::<Vec<_>>().join(" ")
     };
     let hidden = |s: &plychain::trace::BlindSpot| {
-        (s.shift_percent[1].1 * (s.detectable / s.plausible).min(1.0)).abs()
+        (s.shift("E2_GPa").unwrap() * (s.detectable / s.plausible).min(1.0)).abs()
     };
     let most = tracing
         .blind_spots
@@ -413,7 +410,7 @@ fn what_cannot_be_seen_is_said_to_be() {
         .unwrap();
     let reason = format!(
         "without being seen: {} ({:.1} %)",
-        most.parameter,
+        most.name(),
         hidden(most)
     );
     assert!(

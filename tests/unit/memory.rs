@@ -57,7 +57,7 @@ fn measured() {
     let outcome = run_kept(&target, &sampler, &start, &regime, Some(&keeping)).unwrap();
     let reader = StoreReader::open(&keeping.store).unwrap();
     assert_eq!(
-        reader.draws() * reader.ensemble().len(),
+        reader.draws * reader.ensemble().len(),
         schedule.max_draws / 256 * 256
     );
     let held = outcome.draws.len();

@@ -392,7 +392,7 @@ fn nulls(count: u64) -> [f64; 2] {
             let n = &noise.noise.spatial[0];
             println!(
                 "{k}: {z:?} {:?} {:.1} {:.2}",
-                n.kernel, n.length_mm, n.ratio
+                n.shape.kernel, n.shape.length_mm, n.shape.ratio
             );
         }
     }

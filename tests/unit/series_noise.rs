@@ -355,12 +355,12 @@ fn white_pixels_through_a_subset_have_that_covariance() {
 fn dense(window: &Window, all: &SeriesNoise, at: &At, loads: &[f64], c: usize) -> DMatrix<f64> {
     let noise = &all.noise.spatial[c];
     let mut own = subset_covariance(&window.blocks, SUBSET);
-    let nugget = noise.nugget * own.diagonal().mean();
+    let nugget = noise.shape.nugget * own.diagonal().mean();
     let mean = window.blocks.mean_count();
     for (b, count) in window.blocks.count.iter().enumerate() {
         own[(b, b)] += nugget * mean / *count as f64;
     }
-    own += noise.ratio * Matern::new(&window.blocks, noise.length_mm).correlation;
+    own += noise.shape.ratio * Matern::new(&window.blocks, noise.shape.length_mm).correlation;
     let scales = DMatrix::from_diagonal(&DVector::from_column_slice(&all.noise.scales));
     let ones = DMatrix::repeat(loads.len(), loads.len(), 1.0);
     let mut covariance = (scales + at.reference * ones).kronecker(&own);
@@ -465,9 +465,9 @@ fn frames_scales_size_and_reference_are_found() {
         for (s, found) in found.iter_mut().enumerate() {
             found.push(all.noise.scales[s] / scales[s]);
         }
-        white += usize::from(all.noise.spatial.iter().all(|n| n.ratio == 0.0));
+        white += usize::from(all.noise.spatial.iter().all(|n| n.shape.ratio == 0.0));
         references.push(mean_reference(&all));
-        nugget.push(all.noise.spatial[0].nugget);
+        nugget.push(all.noise.spatial[0].shape.nugget);
         let product: f64 = all.noise.scales.iter().product();
         assert!((product - 1.0).abs() < 1e-9);
         assert!(all.noise.by_contrasts);
@@ -505,8 +505,8 @@ fn smooth_patterns_of_every_frame_are_noise() {
         for seed in 0..SEEDS {
             let all = weighed(&window, &LOADS, &simulated(&window, &truth, 100 + seed));
             shared += usize::from(all.noise.is_shared());
-            lengths.push((all.noise.spatial[0].length_mm / length).ln());
-            ratios.push((all.noise.spatial[0].ratio / 9.0).ln());
+            lengths.push((all.noise.spatial[0].shape.length_mm / length).ln());
+            ratios.push((all.noise.spatial[0].shape.ratio / 9.0).ln());
             sizes.extend([0, 1].map(|c: usize| all.noise.spatial[c].scale2 / SD[c].powi(2)));
             references.push(mean_reference(&all));
             assert!(probability(&all, |at| at.rival.is_some()) < 0.5);

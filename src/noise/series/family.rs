@@ -63,11 +63,14 @@ impl SmoothKernel {
 
 /// Covariance hyperparameters of one frame's noise.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub(super) struct CorrelationShape {
+pub struct CorrelationShape {
+    /// How the correlation of smooth patterns falls; with `length_mm` of no meaning where `ratio` is 0.
     pub kernel: SmoothKernel,
+    /// Correlation length l of smooth patterns, mm.
     pub length_mm: f64,
+    /// Ratio rho of their variance to that of a point (with a subset) or of a block (without).
     pub ratio: f64,
-    /// Part of the noise that no subset correlates.
+    /// Part of a block's noise that no subset correlates; of no meaning without a subset.
     pub nugget: f64,
 }
 

@@ -23,7 +23,7 @@ use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
 
 use super::contrasts::{Metric, beyond_laws, covariance_of_frames, covariance_of_walk};
-use super::family::{CorrelationShape, ShapeFamily, SmoothKernel};
+use super::family::{CorrelationShape, ShapeFamily};
 use super::frames::Frames;
 use super::restricted::Restricted;
 use super::scales::FrameScales;
@@ -35,14 +35,7 @@ use crate::noise::BlockCovariance;
 /// The noise of one component in one frame of scale 1.
 #[derive(Debug, Clone)]
 pub struct SpatialNoise {
-    /// How the correlation of smooth patterns falls; with `length_mm` of no meaning where `ratio` is 0.
-    pub kernel: SmoothKernel,
-    /// Correlation length l of smooth patterns, mm.
-    pub length_mm: f64,
-    /// Ratio rho of their variance to that of a point (with a subset) or of a block (without).
-    pub ratio: f64,
-    /// Part of a block's noise that no subset correlates; of no meaning without a subset.
-    pub nugget: f64,
+    pub shape: CorrelationShape,
     /// s2, mm^2: with a subset, the variance of a point's noise that the subset correlates; else that of a typical block's white part.
     pub scale2: f64,
     /// K + rho M(l) with its factor.
@@ -87,10 +80,7 @@ impl FoundNoise {
     pub fn over(&self, frames: &Frames<'_>) -> Result<FrameNoise> {
         let covariances = ShapeFamily::new(frames, self.by_contrasts).of_both(self.shapes)?;
         let spatial = [0, 1].map(|c: usize| SpatialNoise {
-            kernel: self.shapes[c].kernel,
-            length_mm: self.shapes[c].length_mm,
-            ratio: self.shapes[c].ratio,
-            nugget: self.shapes[c].nugget,
+            shape: self.shapes[c],
             scale2: self.scales2[c],
             covariance: Arc::clone(&covariances[c]),
         });
@@ -116,6 +106,15 @@ impl FrameNoise {
     /// Whether both components have one shape.
     pub fn is_shared(&self) -> bool {
         Arc::ptr_eq(&self.spatial[0].covariance, &self.spatial[1].covariance)
+    }
+
+    /// The covariance of each component's averages over the blocks of other frames, at s = 1.
+    ///
+    /// # Errors
+    /// Of the program: a factorisation that fails.
+    pub fn over(&self, frames: &Frames<'_>) -> Result<[Arc<BlockCovariance>; 2]> {
+        let shapes = self.spatial.each_ref().map(|s| s.shape);
+        ShapeFamily::new(frames, self.by_contrasts).of_both(shapes)
     }
 
     /// The covariance of frames, diag(d) + r 1 1' under a reference's share r unless they are a random walk.

@@ -7,9 +7,8 @@ use crate::report::document::Report;
 use crate::report::learned::{self, Learned, not_measured};
 use crate::report::page::Page;
 use crate::report::round::{MeanAndSd, RoundReport};
-use crate::report::tracing::BlindSpotReport;
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
-use crate::trace::{Conclusion, FORCE_UNSEEN, Status};
+use crate::trace::{BlindSpot, Conclusion, FORCE_UNSEEN, Status};
 
 /// Warnings that are shown.
 const SHOWN: usize = 3;
@@ -172,7 +171,7 @@ const OUTSIDE: f64 = 3.0;
 /// The error of the making that would not show and take a constant farthest out of its interval, with what to declare.
 fn unseen(report: &Report) -> Option<String> {
     let both = report.both();
-    let of_the_making = |spot: &&BlindSpotReport| {
+    let of_the_making = |spot: &&BlindSpot| {
         effect::find("blind_spots", &spot.effect).is_ok_and(|e| e.is_manufacturing())
     };
     let spots = report.blind_spots().iter().filter(of_the_making);
@@ -196,7 +195,7 @@ fn unseen(report: &Report) -> Option<String> {
     let (spot, (_, size, percent, name)) = shifts
         .filter(|(_, (sds, ..))| *sds > OUTSIDE)
         .max_by(|(_, a), (_, b)| a.0.total_cmp(&b.0))?;
-    let BlindSpotReport {
+    let BlindSpot {
         effect,
         parameter,
         unit,

@@ -10,12 +10,10 @@ use crate::report::learned::{self, Learned};
 use crate::report::page::Page;
 use crate::report::round::{MeanAndSd, RoundReport};
 use crate::report::sources;
-use crate::report::tracing::{AliasGroupReport, BlindSpotReport, CandidateReport, TracingReport};
-use crate::report::words::{
-    ALIKE, LINEAR, LINEAR_PERCENT, PROBABLE, beyond_the_dictionary, widening,
-};
+use crate::report::tracing::{AliasGroupReport, CandidateReport, TracingReport};
+use crate::report::words::{ALIKE, LINEAR, PROBABLE, beyond_the_dictionary, widening};
 use crate::section::{Digits, Piece, Section, Table, TableCell, row};
-use crate::trace::{Interval, Suspect};
+use crate::trace::{BlindSpot, Interval, LINEAR_PERCENT, Suspect};
 
 /// Effects that a terminal lists.
 const LISTED: usize = 8;
@@ -160,7 +158,7 @@ fn group(g: &AliasGroupReport) -> String {
 }
 
 /// What each effect would do at its plausible size if it acted and the model lacked it.
-pub fn blind_spots(spots: &[BlindSpotReport], constants: &[&str]) -> Section {
+pub fn blind_spots(spots: &[BlindSpot], constants: &[&str]) -> Section {
     let header = [
         "effect",
         "plausible size",
@@ -235,7 +233,7 @@ pub fn averaged(
     tracing: &TracingReport,
     to_quote: &Keyed<Interval>,
     suspect: Option<&Suspect>,
-    spots: &[BlindSpotReport],
+    spots: &[BlindSpot],
     (alone, learned): (&Keyed<MeanAndSd>, &Keyed<Learned>),
 ) -> [Section; 2] {
     let names: Vec<&str> = to_quote.keys().map(String::as_str).collect();

@@ -21,7 +21,7 @@ fn what_follows_a_law_does_not_enter_the_noise_and_its_rival_wins() {
                     a.scale2,
                     b.scale2
                 );
-                assert_eq!(a.ratio, b.ratio);
+                assert_eq!(a.shape.ratio, b.shape.ratio);
             }
             for (a, b) in all.noise.scales.iter().zip(&bare.noise.scales) {
                 assert!((a / b - 1.0).abs() < 1e-4, "{a} {b}");
