@@ -21,6 +21,7 @@ use crate::dic::cases::{Kind, campaign, case};
 use crate::dic::causes::{self, Cause};
 use crate::dic::folder::{SERIES, SINGLE, Truth};
 use crate::dic::mechanics::Stiffness;
+use crate::dic::noise::Noise;
 use crate::dic::ordinary::{ORDINARY, Ordinary, ordinary};
 use crate::dic::series::Series;
 use crate::loops::{Ended, looped};
@@ -398,6 +399,36 @@ fn wave_is_named_alone(laminate: bool, seed: u64) {
     assert!(!judged.is_wrong(), "{line}");
     assert!(!judged.ended.text.contains(PHASES), "{line}");
     assert_eq!(judged.ended.held(), judged.ended.truth.len(), "{line}");
+}
+
+/// What grows with the load is a line through the frames, and a point of it has their own noise times the norm of its weights, whatever the
+/// subsets correlate: nothing breaks out of that.
+#[test]
+#[ignore = "slow: run by .ci/run"]
+fn the_noise_of_a_point_is_that_of_its_pictures() {
+    const SD_NM: f64 = 300.0;
+    for laminate in [true, false] {
+        let mut series = case(&Kind::Null, laminate, 4620);
+        series.noise = Noise {
+            sd_mm: 1e-6 * SD_NM,
+            ..Noise::default()
+        };
+        let folder = fresh("noise-of-a-point");
+        series.write(&series.observed(), &folder);
+        let model = Model::load(&folder.join(SERIES)).unwrap();
+        let prepared = prepare(&model, &Silent).unwrap();
+        let loads = prepared.observation.steps.as_ref().unwrap().loads.clone();
+        let largest = loads.iter().fold(0.0_f64, |m, f| m.max(*f));
+        let mean = loads.iter().sum::<f64>() / loads.len() as f64;
+        let spread: f64 = loads.iter().map(|f| (f - mean).powi(2)).sum();
+        let expected = SD_NM * largest / spread.sqrt();
+        let inverse = inverse_problem(&model, prepared, &Silent).unwrap();
+        for c in 0..2 {
+            let ratio = inverse.noise.point_sd_nm(c) / expected;
+            println!("laminate {laminate}, u{}: {ratio:.3}", c + 1);
+            assert!((ratio - 1.0).abs() < 0.06, "u{}: {ratio}", c + 1);
+        }
+    }
 }
 
 /// A wave whose argument is another part of a pixel off in every frame, as where the file's own scale holds a gain that the wave did not see:
