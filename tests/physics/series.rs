@@ -13,6 +13,9 @@ use plychain::infer::Model;
 use plychain::linearise::{Column, divide};
 use plychain::progress::Silent;
 use plychain::trace::{Status, attribute};
+use rand::SeedableRng;
+use rand_distr::{Distribution, StandardNormal};
+use rand_pcg::Pcg64Dxsm;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -399,6 +402,82 @@ fn wave_is_named_alone(laminate: bool, seed: u64) {
     assert!(!judged.is_wrong(), "{line}");
     assert!(!judged.ended.text.contains(PHASES), "{line}");
     assert_eq!(judged.ended.held(), judged.ended.truth.len(), "{line}");
+}
+
+/// Five pictures of 9,000 points of a laminate that turns out of its plane with its load, before a camera at 600 mm that is turned by 1.5 degrees:
+/// the rotation is named with its size, traced and quoted alike.
+#[test]
+#[ignore = "length: 3 series, 6 minutes"]
+fn rotations_of_any_size_keep_their_size() {
+    for mrad in [1.0, 6.0, 10.0] {
+        let mut series = case(&Kind::Null, true, 4630);
+        series.forces_n = [0.2, 0.4, 0.6, 0.8, 1.0].map(|f| 2100.0 * f).to_vec();
+        let rigid = series.rigid.clone().into_iter().cycle();
+        series.rigid = rigid.take(series.forces_n.len()).collect();
+        series.noise = Noise {
+            sd_mm: 250e-6,
+            ..Noise::default()
+        };
+        series.pinhole.distance_mm = 600.0;
+        series.pinhole.principal_mm = [0.0; 2];
+        series.declared_distance_mm = 600.0;
+        let turn = Cause::Turn([mrad, 0.0], [0.0; 2], causes::Law::Load);
+        series.causes = vec![turn, Cause::CameraRotation(1.5)];
+        let folder = fresh("series-that-turns");
+        let truth = series.write(&series.observed(), &folder);
+        let model = Model::load(&folder.join(SERIES)).unwrap();
+        let constants: Vec<f64> = truth.constants.iter().map(|(_, x)| *x).collect();
+        let ended = looped(&format!("{mrad} mrad"), &model, &constants);
+        println!("{} {}", ended.line(), ended.text);
+        assert!(ended.names("out_of_plane_rotation"), "{}", ended.line());
+        assert_eq!(ended.held(), 4, "{}", ended.line());
+    }
+}
+
+/// A ring about the hole that lost stiffness everywhere alike, in the default field: its loop ends, names nothing else, and the constants hold.
+#[test]
+#[ignore = "length: 9 fields, 5 minutes"]
+fn a_ring_of_any_loss_ends_a_loop() {
+    for loss in [0.15, 0.35, 0.6] {
+        for reach in [1.15, 1.3, 1.6] {
+            let mut series = ordinary(Ordinary::Plain, 1e-3, 4640);
+            let hole_mm = 0.5 * series.specimen.diameter_mm;
+            series.causes = vec![Cause::Foreign(Stiffness::Ring {
+                hole_mm,
+                reach,
+                loss,
+            })];
+            series.layout.side = 1;
+            series.layout.step = 4;
+            let mut observed = series.observed();
+            let mut rng = Pcg64Dxsm::seed_from_u64(4641);
+            for u in observed.frames.iter_mut().flatten().flatten() {
+                let z: f64 = StandardNormal.sample(&mut rng);
+                *u += 8e-6 * z;
+            }
+            let folder = fresh("ring");
+            let truth = series.write(&observed, &folder);
+            let text = std::fs::read_to_string(folder.join(SINGLE)).unwrap();
+            let mut model: Value = serde_json::from_str(&text).unwrap();
+            let measurement = &mut model["experiments"][0]["measurement"];
+            measurement
+                .as_object_mut()
+                .unwrap()
+                .remove("image_correlation");
+            let model = Model::parse(&model.to_string(), &folder.join(SINGLE)).unwrap();
+            let constants: Vec<f64> = truth.constants.iter().map(|(_, x)| *x).collect();
+            let case = format!("ring to {reach} radii, {} % lost", 100.0 * loss);
+            let ended = looped(&case, &model, &constants);
+            println!("{}", ended.line());
+            let alone = ended.effects.iter().all(|e| e == "hole_edge_damage");
+            assert!(
+                alone || ended.status == Status::Unexplained,
+                "{}",
+                ended.line()
+            );
+            assert_eq!(ended.held(), 4, "{}", ended.line());
+        }
+    }
 }
 
 /// What grows with the load is a line through the frames, and a point of it has their own noise times the norm of its weights, whatever the
