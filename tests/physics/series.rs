@@ -13,9 +13,6 @@ use plychain::infer::Model;
 use plychain::linearise::{Column, divide};
 use plychain::progress::Silent;
 use plychain::trace::{Status, attribute};
-use rand::SeedableRng;
-use rand_distr::{Distribution, StandardNormal};
-use rand_pcg::Pcg64Dxsm;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 
@@ -430,53 +427,13 @@ fn rotations_of_any_size_keep_their_size() {
         let ended = looped(&format!("{mrad} mrad"), &model, &constants);
         println!("{} {}", ended.line(), ended.text);
         assert!(ended.names("out_of_plane_rotation"), "{}", ended.line());
+        // axis 2 of the program is x of the picture
+        let size = ended.text.split("about_2_mrad ").nth(1).unwrap();
+        let mut words = size.split([' ', ',', ')']);
+        let size: f64 = words.next().unwrap().parse().unwrap();
+        let sd: f64 = words.nth(1).unwrap().parse().unwrap();
+        assert!((size + mrad).abs() < 2.5 * sd, "{size} +- {sd}");
         assert_eq!(ended.held(), 4, "{}", ended.line());
-    }
-}
-
-/// A ring about the hole that lost stiffness everywhere alike, in the default field: its loop ends, names nothing else, and the constants hold.
-#[test]
-#[ignore = "length: 9 fields, 5 minutes"]
-fn a_ring_of_any_loss_ends_a_loop() {
-    for loss in [0.15, 0.35, 0.6] {
-        for reach in [1.15, 1.3, 1.6] {
-            let mut series = ordinary(Ordinary::Plain, 1e-3, 4640);
-            let hole_mm = 0.5 * series.specimen.diameter_mm;
-            series.causes = vec![Cause::Foreign(Stiffness::Ring {
-                hole_mm,
-                reach,
-                loss,
-            })];
-            series.layout.side = 1;
-            series.layout.step = 4;
-            let mut observed = series.observed();
-            let mut rng = Pcg64Dxsm::seed_from_u64(4641);
-            for u in observed.frames.iter_mut().flatten().flatten() {
-                let z: f64 = StandardNormal.sample(&mut rng);
-                *u += 8e-6 * z;
-            }
-            let folder = fresh("ring");
-            let truth = series.write(&observed, &folder);
-            let text = std::fs::read_to_string(folder.join(SINGLE)).unwrap();
-            let mut model: Value = serde_json::from_str(&text).unwrap();
-            let measurement = &mut model["experiments"][0]["measurement"];
-            measurement
-                .as_object_mut()
-                .unwrap()
-                .remove("image_correlation");
-            let model = Model::parse(&model.to_string(), &folder.join(SINGLE)).unwrap();
-            let constants: Vec<f64> = truth.constants.iter().map(|(_, x)| *x).collect();
-            let case = format!("ring to {reach} radii, {} % lost", 100.0 * loss);
-            let ended = looped(&case, &model, &constants);
-            println!("{}", ended.line());
-            let alone = ended.effects.iter().all(|e| e == "hole_edge_damage");
-            assert!(
-                alone || ended.status == Status::Unexplained,
-                "{}",
-                ended.line()
-            );
-            assert_eq!(ended.held(), 4, "{}", ended.line());
-        }
     }
 }
 
