@@ -376,3 +376,41 @@ fn help_prints_commands_and_sections_of_the_manuals() {
         }
     }
 }
+
+/// `identify` of the model that a loop wrote has the constants of its last round, within Monte Carlo error.
+#[test]
+#[ignore = "length: four loops, 4 minutes"]
+fn what_a_loop_writes_is_what_it_fitted() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = |arguments: &[&str]| {
+        let mut command = program();
+        let output = command
+            .current_dir(folder.path())
+            .args(arguments)
+            .output()
+            .unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        assert!(output.status.success(), "{arguments:?}: {said}");
+    };
+    for example in ["openhole", "oblique", "two-holes", "disc"] {
+        here(&["init", "--example", example]);
+        let out = format!("{example}-loop");
+        let again = format!("{example}-again");
+        here(&["loop", &format!("{example}.json"), "--quiet", "--out", &out]);
+        let written = format!("{out}/model.extended.json");
+        here(&["identify", &written, "--quiet", "--out", &again]);
+        let [fitted, found] = [&out, &again].map(|run| {
+            let report = json(&folder.path().join(run).join("report.json"));
+            report["rounds"].as_array().unwrap().last().unwrap()["posterior"].clone()
+        });
+        for name in ["E1_GPa", "E2_GPa", "nu12", "G12_GPa"] {
+            let of = |key: &str| [&fitted, &found].map(|p| p[name][key].as_f64().unwrap());
+            let ([a, b], [first, second]) = (of("mean"), of("mcse_mean"));
+            let error = first.hypot(second);
+            assert!(
+                (a - b).abs() < 4.0 * error,
+                "{example}, {name}: {a} {b} +- {error}"
+            );
+        }
+    }
+}
